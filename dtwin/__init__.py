@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from dtwin.api.monitoring import monitor as monitor
     from dtwin.api.run import Run as Run
     from dtwin.api.run import RunError as RunError
+    from dtwin.api.run import from_arrays as from_arrays
     from dtwin.api.run import load as load
     from dtwin.api.simulation import optimise as optimise
     from dtwin.api.simulation import simulate as simulate
@@ -36,6 +37,7 @@ _MODULES = {
     "Run": "api.run",
     "RunError": "api.run",
     "load": "api.run",
+    "from_arrays": "api.run",
     "identify": "api.identification",
     "Identified": "api.identification",
     "monitor": "api.monitoring",

@@ -18,6 +18,7 @@ from dtwin.identification.held_out import Comparison, compare
 from dtwin.identification.model import IdentifiedModel, write_model
 from dtwin.identification.parsing import settings_for
 from dtwin.identification.result import from_estimate
+from dtwin.logs.belonging import check_belonging
 from dtwin.logs.log import Log
 from dtwin.parameters import ArmParameters, load_arm
 from dtwin.run.settings import arm_of
@@ -145,25 +146,28 @@ def identify(
     Raises:
         ParameterError: an argument is unknown, of another kind or out of range.
         IdentificationError: the run is too short or too poor.
-        RecordingError: the file is no log.
+        RecordingError: the file is no log, or what is in it does not belong together.
     """
     arm = load_arm(Path(known)) if isinstance(known, str | Path) else known
     settings = settings_for(free, arm, texts(prior), loss, seed)
     source = "a run" if isinstance(data, Run) else str(data)
-    return fitted(measured(log_of(data), payload, source), settings, friction)
+    return fitted(measured(log_of(data), payload, source, arm or ArmParameters()), settings, friction)
 
 
-def measured(log: Log, payload: float | None, source: str) -> Measured:
+def measured(log: Log, payload: float | None, source: str, arm: ArmParameters) -> Measured:
     """Divides a log into what is fitted and what judges.
 
     Args:
         log: log of a run.
         payload: mass of every box, kg; None leaves out motions with a box.
         source: where the log comes from, in words.
+        arm: arm as it was designed.
 
     Raises:
         IdentificationError: the log is too short.
+        RecordingError: readings and commands do not belong together: signs, order, units or rows are wrong.
     """
+    check_belonging(source, log, arm)
     segments = from_log(log, payload)
     kept = max(1, round(_HELD_OUT_SHARE * len(segments)))
     if len(segments) <= kept:

@@ -17,6 +17,7 @@ from dtwin.identification.estimation.quality import noise
 from dtwin.identification.machine.record import read_record
 from dtwin.identification.model import IdentifiedModel
 from dtwin.identification.store import STORE, ModelStore, open_model
+from dtwin.logs.belonging import check_belonging
 from dtwin.logs.log import Log
 from dtwin.monitoring.estimation.belief import Belief, assumed, believed_arm, commissioned, identified
 from dtwin.monitoring.estimation.tuning import tuning_for
@@ -112,11 +113,12 @@ def monitor(
     Raises:
         ParameterError: an argument is unknown, of another kind or out of range, or the run is empty.
         ModelError: there is no such model, or it leaves free parameters open.
-        RecordingError: the file is no log.
+        RecordingError: the file is no log, or what is in it does not belong together.
     """
     if commissioned is not None and model is not None:
         raise ParameterError("commissioned: expected no model beside it")
     log = log_of(data)
+    check_belonging("a run" if isinstance(data, Run) else str(data), log, ArmParameters())
     seen = stream(log)
     settings = MonitorSettings(alarms_per_hour=alarms_per_hour, tuning=tuning_for(task_of(log.metadata).boxes))
     belief = _belief(seen, model, store, commissioned)

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Mapping
+import reprlib
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
 
+import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.api.arguments import AnyPath, checked
 from dtwin.emulation import MODEL_FILE
-from dtwin.errors import DtwinError, RecordingError
+from dtwin.errors import DtwinError, ParameterError, RecordingError, choices
 from dtwin.logs.log import Log
-from dtwin.logs.reading import read_log
-from dtwin.parameters import ArmParameters
+from dtwin.logs.reading import completed, read_log
+from dtwin.parameters import PERIOD, ArmParameters
 from dtwin.run.cell import RunSummary
 from dtwin.run.hidden import HiddenLog
 from dtwin.run.settings import arm_of
@@ -25,6 +27,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FrameLibrary = Literal["pandas", "polars"]
+Numbers = np.ndarray | Sequence
+"""an array, or lists that make one"""
 _LIBRARIES: Final[tuple[FrameLibrary, ...]] = ("pandas", "polars")
 
 
@@ -162,6 +166,75 @@ def load(path: AnyPath) -> Run:
         RecordingError: the file is missing or no log.
     """
     return Run(read_log(Path(path)))
+
+
+@checked
+def from_arrays(
+    measured: Numbers,
+    volts: Numbers,
+    *,
+    t: Numbers | None = None,
+    box_gripped: Numbers | None = None,
+    target: Numbers | None = None,
+    gripper: Numbers | None = None,
+    box_colour: Numbers | None = None,
+) -> Run:
+    """Makes a run of what was measured of an arm, to identify it, to monitor it or to save it as a log.
+
+    Row k holds a sample and the voltages that acted from then on until the next one, 10 ms later.
+
+    Args:
+        measured: (N, 3), joint angles as the encoders read them, rad, without jumps by a turn.
+        volts: (N, 3) or, with that of the gripper, (N, 4), voltages of the motors, V.
+        t: (N,), time, s; None for one row a tick from 0 on. Ticks may be missing.
+        box_gripped: (N,), whether a box is held; None for never.
+        target: (N, 3), desired angles, rad; None where nobody knows them.
+        gripper: (N,), readings of the gripper's encoder, rad; None where there is none.
+        box_colour: (N,), colour of the box that waits, "" for none; None where nobody looks.
+
+    Raises:
+        ParameterError: the shapes do not agree.
+        RecordingError: a number is not finite or out of range, or the rows are no ticks; the message names column and
+            row.
+    """
+    rows = len(measured)
+    given: dict[str, NDArray[Any]] = {
+        **_columns("measured", measured, rows, (3,)),
+        **_columns("volts", volts, rows, (3, 4)),
+        **({} if target is None else _columns("target", target, rows, (3,))),
+        "t": PERIOD * np.arange(rows) if t is None else _column("t", t, rows),
+        "box_gripped": np.zeros(rows, bool)
+        if box_gripped is None
+        else _column("box_gripped", box_gripped, rows) != 0,
+    }
+    if gripper is not None:
+        given["gripper"] = _column("gripper", gripper, rows)
+    if box_colour is not None:
+        given["box_colour"] = _column("box_colour", box_colour, rows, np.str_)
+    return Run(Log(completed("arrays", given, rows)))
+
+
+def _columns(name: str, values: Numbers, rows: int, widths: tuple[int, ...]) -> dict[str, NDArray[Any]]:
+    """The columns NAME_1, NAME_2 and so on."""
+    array = _array(name, values)
+    if array.ndim != 2 or len(array) != rows or array.shape[1] not in widths:
+        expected = choices(f"({rows}, {width})" for width in widths)
+        raise ParameterError(f"{name}: expected shape {expected}, got {array.shape}")
+    return {f"{name}_{number}": column.copy() for number, column in enumerate(array.T, 1)}
+
+
+def _column(name: str, values: Numbers, rows: int, kind: type[np.generic] = np.float64) -> NDArray[Any]:
+    array = _array(name, values, kind)
+    if array.shape != (rows,):
+        raise ParameterError(f"{name}: expected shape ({rows},), got {array.shape}")
+    return array
+
+
+def _array(name: str, values: Numbers, kind: type[np.generic] = np.float64) -> NDArray[Any]:
+    try:
+        return np.array(values, dtype=kind)
+    except (TypeError, ValueError):
+        raise ParameterError(f"{name}: expected numbers, got {reprlib.repr(values)}") from None
 
 
 def log_of(data: Run | AnyPath) -> Log:

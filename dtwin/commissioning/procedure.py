@@ -13,6 +13,7 @@ from dtwin.identification.machine.judged import identify_machine, record_of
 from dtwin.identification.machine.load import Load, load_on
 from dtwin.identification.machine.record import Healthy, MachineRecord, SensorCheck
 from dtwin.identification.machine.sensors import check_sensors
+from dtwin.logs.belonging import check_belonging
 from dtwin.logs.log import Log
 from dtwin.monitoring.calibration import watched
 from dtwin.monitoring.offline import stream
@@ -64,6 +65,7 @@ def commission(
         progress: is told in words how far a stage is.
 
     Raises:
+        RecordingError: readings and commands do not belong together: signs, order, units or rows are wrong.
         DtwinError: the data are too few, or a result cannot be kept.
     """
 
@@ -85,6 +87,8 @@ def commission(
         assert found is not None
         return found
 
+    progress("looking at the log")
+    check_belonging(source, motion, arm)
     progress("judging the sensors")
     sensors = stages.result("sensors", SensorCheck, lambda: check_sensors(motion))
     progress("fitting the motion")
@@ -98,6 +102,8 @@ def commission(
         ),
     )
     work = healthy()
+    if work is not motion:
+        check_belonging(source, work, arm)
     progress("weighing the boxes")
     load = stages.result("load", Load, lambda: load_on(identification.record, work))
     seen = stream(work)

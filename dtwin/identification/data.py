@@ -119,7 +119,8 @@ def from_log(log: Log, box_mass: float | None = None, segment: float = 1.0) -> t
         segment: length of an experiment, s; the last one of a stretch may be shorter.
 
     Raises:
-        IdentificationError: the log is shorter than a segment, or a box was held all the time.
+        IdentificationError: the log is shorter than a segment, a box was held all the time, or so many ticks are
+            missing that nothing in one piece is left.
     """
     measured, volts = log.stack("measured"), log.stack("volts")[:, :3]
     gripped = log.columns["box_gripped"]
@@ -128,15 +129,22 @@ def from_log(log: Log, box_mass: float | None = None, segment: float = 1.0) -> t
     if len(measured) < length:
         raise IdentificationError(f"too few samples: the log has {len(measured)}, expected at least {length}")
     stretches = [(0, len(measured))] if box_mass is not None else _stretches(~gripped)
-    gaps = (np.flatnonzero(np.diff(log.columns["t"]) > 1.5 * PERIOD) + 1).tolist()
+    gaps = (np.flatnonzero(np.diff(log.ticks()) > 1) + 1).tolist()
     stretches = [part for start, stop in stretches for part in _divided(start, stop, gaps)]
     cuts = [
         slice(first, min(first + length, stop))
         for start, stop in stretches
         for first in range(start, stop - _LAST_SAMPLES, length)
     ]
-    if not cuts:
+    if not stretches:
         raise IdentificationError("a box was held all the time: expected its mass, or motions of the empty gripper")
+    if not cuts:
+        longest = max(stop - start for start, stop in stretches)
+        empty = "" if box_mass is not None else " with an empty gripper"
+        raise IdentificationError(
+            f"too few samples in one piece: the longest piece{empty} and without missing ticks has {longest},"
+            f" expected more than {_LAST_SAMPLES}"
+        )
     return tuple(Experiment(measured[cut], volts[cut], payload[cut]) for cut in cuts)
 
 

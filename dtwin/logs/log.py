@@ -18,6 +18,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from dtwin.files import replacing
+from dtwin.parameters import PERIOD
 from dtwin.signals import Event
 
 NUMBERS: Final = (
@@ -35,9 +36,11 @@ angle as sensed (rad) and true payload (kg).
 COLUMNS: Final = (*NUMBERS, "box_present", "box_colour", "box_gripped")
 """Names of all columns in the order of the file."""
 TRUTH: Final = (*(f"{name}_{joint}" for name in ("theta", "omega") for joint in (1, 2, 3)), "payload_mass")
-"""Columns that only an emulated arm has: a file may lack them, and then they are NaN."""
-NEEDED: Final = tuple(name for name in COLUMNS if name not in TRUTH)
-"""Columns that every file has."""
+"""Columns that only an emulated arm has."""
+NEEDED: Final = ("t", *(f"{name}_{joint}" for name in ("measured", "volts") for joint in (1, 2, 3)), "box_gripped")
+"""Columns that every file has: an arm is known by its readings and commands, while its gripper is empty."""
+
+
 _COLOUR_TYPE: Final = pa.dictionary(pa.int32(), pa.string())
 SCHEMA: Final = pa.schema(
     [
@@ -73,6 +76,13 @@ class Log:
     def stack(self, name: str) -> NDArray[np.float64]:
         """The numbered columns of one quantity side by side: `stack("theta")` has shape (ticks, 3)."""
         return np.column_stack([self.columns[column] for column in NUMBERS if column.rpartition("_")[0] == name])
+
+    def ticks(self) -> NDArray[np.int64]:
+        """The number of the tick of every row, (ticks,), counted from plant time 0; ticks that are missing count."""
+        t = self.columns["t"]
+        first = round(float(t[0]) / PERIOD) if len(t) else 0
+        steps = np.round(np.diff(t, prepend=t[:1]) / PERIOD).astype(np.int64)
+        return first + np.cumsum(steps)
 
     def angles(self) -> NDArray[np.float64]:
         """True angles where they are known and measured ones elsewhere, (ticks, 3), rad: for pictures and scores."""

@@ -15,7 +15,6 @@ from dtwin.logs.log import Log
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.thesis import ThesisMonitor
 from dtwin.monitoring.tracking.samples import NO_TAPE, Samples, Tape
-from dtwin.parameters import PERIOD
 from dtwin.signals import Event
 
 Array = NDArray[np.float64]
@@ -82,15 +81,12 @@ def stream(log: Log) -> Stream:
     """The readings and commands of a log; no truth, no masses.
 
     Raises:
-        ParameterError: the log is empty or its rows are no ticks.
+        ParameterError: the log is empty.
     """
     if not len(log):
         raise ParameterError("the log is empty: expected at least one tick to monitor")
-    sample = np.round(log.columns["t"] / PERIOD).astype(np.int64)
-    if not np.allclose(sample * PERIOD, log.columns["t"], atol=1e-6):
-        raise ParameterError(f"the log's times are no multiples of {PERIOD} s: expected one row a tick")
     return Stream(
-        sample,
+        log.ticks(),
         log.stack("measured"),
         log.stack("volts"),
         log.columns["box_gripped"],

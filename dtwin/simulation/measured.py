@@ -75,8 +75,13 @@ def motions(log: Log, offset: Array | None = None) -> Iterator[Measured]:
         log: log of a run.
         offset: (ticks, 3), offsets of the encoders that the controller took off what they measured, rad; none if
             not given.
+
+    Raises:
+        RecordingError: the log does not tell the path.
     """
     path, measured = log.stack("target"), log.stack("measured")
+    if len(log) and np.isnan(path).all():
+        raise RecordingError("column target_1: expected the path of the arm; the log does not tell it")
     if offset is not None:
         measured = measured - offset
     moves = np.append((path[1:] != path[:-1]).any(axis=1), False)

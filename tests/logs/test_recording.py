@@ -23,6 +23,10 @@ from tests.support.disks import full_disk
 
 number = st.floats(allow_nan=False)
 triple = st.tuples(number, number, number)
+angle, volts = st.floats(-1e3, 1e3), st.floats(-8.0, 8.0)
+readings, commands = st.tuples(angle, angle, angle), st.tuples(volts, volts, volts)
+finite = st.floats(allow_nan=False, allow_infinity=False)
+path = st.tuples(finite, finite, finite)
 colour = st.sampled_from(["", "red", "green", "blue"]) | st.text("äπ z", max_size=4)
 event = st.builds(Event, time=st.floats(0, 1e6), kind=st.text(max_size=9), text=st.text(max_size=30))
 
@@ -32,9 +36,9 @@ def records(draw: st.DrawFn) -> list[StepRecord]:
     return [
         StepRecord(
             Truth(0.01 * tick, draw(triple), draw(triple), draw(number), draw(number)),
-            Sensors(tick, 0.01 * tick, draw(triple), draw(number), draw(st.booleans()), draw(colour)),
-            draw(triple),
-            Voltages(tick, 0.01 * tick, (*draw(triple), draw(number)), draw(st.booleans())),
+            Sensors(tick, 0.01 * tick, draw(readings), draw(finite), draw(st.booleans()), draw(colour)),
+            draw(path),
+            Voltages(tick, 0.01 * tick, (*draw(commands), draw(volts)), draw(st.booleans())),
         )
         for tick in range(draw(st.integers(0, 4)))
     ]
@@ -173,19 +177,22 @@ def test_the_log_of_an_arm_that_nobody_knows_the_truth_of(tmp_path: Path) -> Non
     ("change", "message"),
     [
         (lambda t: t.drop_columns("volts_2"), "column volts_2 is missing: expected t, measured_1"),
-        (lambda t: replaced(t, "volts_1", pa.array([1, 2, 3, 4])), "column volts_1: expected double, got"),
+        (lambda t: replaced(t, "volts_1", pa.array(list("1234"))), "column volts_1: expected numbers (double), got"),
         (
             lambda t: replaced(t, "box_colour", pa.array([1, 2, 3, 4])),
-            "column box_colour: expected string, got",
+            "column box_colour: expected texts (string), got",
         ),
         (
-            lambda t: replaced(t, "gripper", pa.array([1.0, None, 1.0, 1.0])),
-            "column gripper: expected a value in",
+            lambda t: replaced(t, "volts_2", pa.array([1.0, None, 1.0, 1.0])),
+            "column volts_2, row 1: expected a value in",
         ),
-        (lambda t: replaced(t, "t", pa.array([0.0, 0.1, 0.1, 0.2])), "column t: expected increasing time, row 2"),
         (
-            lambda t: replaced(t, "t", pa.array([0.0, float("nan"), 0.1, 0.2])),
-            "column t: expected increasing time",
+            lambda t: replaced(t, "t", pa.array([0.0, 0.01, 0.01, 0.02])),
+            "column t, row 2: expected increasing time, more than 0.01, got 0.01",
+        ),
+        (
+            lambda t: replaced(t, "t", pa.array([0.0, float("nan"), 0.01, 0.02])),
+            "column t, row 1: expected 0 to 1e+09 s, got nan",
         ),
         (lambda t: t.replace_schema_metadata({"dtwin.events": "[{}]"}), "expected events and run metadata as JSON"),
     ],

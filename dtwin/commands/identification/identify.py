@@ -138,7 +138,8 @@ class Identify(MachineOption):
         log = read_log(path)
         if len(self.payload) > 1:
             raise ParameterError(f"--payload: expected one mass of a box for a log, got {len(self.payload)}")
-        return measured(log, self.payload[0] if self.payload else None, str(path))
+        known = load_arm(self.known) if self.known is not None else ArmParameters()
+        return measured(log, self.payload[0] if self.payload else None, str(path), known)
 
     def _loads(self) -> list[float]:
         return self.payload or [0.2]

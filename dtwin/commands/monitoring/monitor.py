@@ -20,10 +20,11 @@ from dtwin.bus.twin_messages import MonitoringVerdict
 from dtwin.campaign.spread import Progress
 from dtwin.commands.hints import viewer_command
 from dtwin.controller.settings import ControlSettings
-from dtwin.errors import ParameterError
+from dtwin.errors import ParameterError, RecordingError
 from dtwin.experiments.monitoring.trial import Method
 from dtwin.files import RECORDING, ensure_writable
 from dtwin.identification.store import STORE
+from dtwin.logs.belonging import check_belonging
 from dtwin.monitoring.offline import SECOND, stream
 from dtwin.monitoring.settings import ALARMS_PER_HOUR
 from dtwin.monitoring.thesis import ThesisMonitor, ThesisSettings
@@ -126,7 +127,10 @@ class MonitorCommand:
 
     def _compared(self, run: Run, progress: Progress) -> _Compared:
         """What the thesis's method makes of a run."""
+        check_belonging(str(self.log), run.log, ArmParameters())
         seen = stream(run.log)
+        if not run.log.columns["box_colour"].any():
+            raise RecordingError(f"{self.log}: column box_colour: the thesis's method needs it, and it tells no box")
         arm = ArmParameters() if self.model is None else model_of(self.model, self.store).arm
         task = task_of(run.log.metadata)
         control = ControlSettings(target_time=self.target_time, payload=task.boxes.middle)

@@ -22,6 +22,7 @@ from dtwin.errors import ParameterError
 from dtwin.files import PICTURE, ensure_writable
 from dtwin.identification.machine.record import MachineRecord, read_record
 from dtwin.identification.store import STORE, ModelStore, open_model
+from dtwin.logs.belonging import check_belonging
 from dtwin.logs.log import Log
 from dtwin.logs.reading import read_log
 from dtwin.parameters import PERIOD, ArmParameters, Law, Triple
@@ -107,6 +108,8 @@ class Simulate(CompensationOptions, CellFileOption, RuntimeOption):
             raise ParameterError("--commissioned: expected no --model beside it")
         simulator = Simulator(task=self.task())
         log = read_log(self.log) if self.log is not None else None
+        if log is not None:
+            check_belonging(str(self.log), log, ArmParameters())
         base, comparison = self._measured(log, simulator) if log is not None else (self._base(), None)
         if self.live:
             base = self._from_live(base)

@@ -46,6 +46,8 @@ TOLD: Final = 0.6
 """Standard deviation of a number, relative to that of the data sheet, below which the data tell it."""
 _START: Final = Effects(stribeck_velocity=(0.175, 0.175, 0.175))
 """Effects whose numbers are not identified: the middle of the data sheet's range."""
+_SCALES: Final = ("K1", "K2", "K3")
+"""Numbers that take up a scale of the voltages."""
 _UNEXPLAINED: Final = 1.5
 """Ratio of what is not explained to the noise of the encoders from which on an effect is missing."""
 
@@ -91,9 +93,15 @@ class Judged:
 
     @property
     def grade(self) -> Grade:
-        """What the machine is good for, by its worst joint."""
+        """What the machine is good for, by its worst joint.
+
+        Voltages or angles to another scale fit as well as the right ones; the voltage constants tell them.
+        """
         worst = float(self.fit.min())
-        return "identified" if worst >= GOOD else "approximate" if worst >= POOR else "unusable"
+        scaled = any(name in _SCALES for name in self.found.at_edge)
+        if worst >= GOOD and not scaled:
+            return "identified"
+        return "approximate" if worst >= POOR else "unusable"
 
     @property
     def told(self) -> tuple[str, ...]:

@@ -66,7 +66,7 @@ def check_sensors(log: Log) -> SensorCheck:
     if not np.isfinite(measured).all():
         row, joint = np.argwhere(~np.isfinite(measured))[0]
         raise IdentificationError(f"reading of joint {joint + 1} in row {row}: expected a finite number")
-    ticks = np.round(np.diff(log.columns["t"]) / PERIOD)
+    ticks = np.diff(log.ticks()).astype(np.float64)
     repeated = np.concatenate(([False], (np.diff(measured, axis=0) == 0.0).all(axis=1) & (ticks == 1.0)))
     calm = ~_jolted(log.stack("volts")[:, :3])
     first, second, third = encoders = [_encoder(measured[:, i], ticks == 1.0, repeated, calm) for i in range(3)]
