@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from dtwin.api.run import load as load
     from dtwin.api.simulation import optimise as optimise
     from dtwin.api.simulation import simulate as simulate
+    from dtwin.controller.settings import usual_gains as usual_gains
     from dtwin.errors import DtwinError as DtwinError
     from dtwin.parameters import ArmParameters as ArmParameters
     from dtwin.parameters import Gains as Gains
@@ -48,6 +49,7 @@ _MODULES = {
     "LiveCell": "api.live",
     "ArmParameters": "parameters",
     "Gains": "parameters",
+    "usual_gains": "controller.settings",
     "DtwinError": "errors",
 }
 """Where the public names are; a module is loaded when one of its names is first used."""

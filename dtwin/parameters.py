@@ -183,15 +183,17 @@ class GripperParameters:
 
 @dataclass(frozen=True, slots=True)
 class Gains:
-    """Gains of the computed-torque law, one value per joint: kp in 1/s^2, ki in 1/s^3, kd in 1/s.
+    """Gains of a control law, one value per joint: kp in 1/s^2, ki in 1/s^3, kd in 1/s.
+
+    What is usual depends on the law: `dtwin.controller.settings.usual_gains` gives it.
 
     Raises:
         ParameterError: a gain is negative or not finite.
     """
 
-    kp: Triple = (200.0, 500.0, 300.0)
-    ki: Triple = (75.0, 200.0, 150.0)
-    kd: Triple = (2.0, 2.0, 2.0)
+    kp: Triple
+    ki: Triple
+    kd: Triple
 
     def __post_init__(self) -> None:
         for field in fields(self):

@@ -19,12 +19,16 @@ _OF_JOINTS: Final = tuple(
     f"CONTROLLER.{name}{joint}" for name in ("KP", "KI", "KD", *"KMILCD", "MU") for joint in (1, 2, 3)
 )
 _NEEDED: Final[dict[Law, PayloadModel]] = {"computed_torque": "point", "row_sum": "weight", "cascade": "point"}
+_NO_GAIN: Final[Triple] = (0.0, 0.0, 0.0)
+_THESIS: Final = Gains((200.0, 500.0, 300.0), (75.0, 200.0, 150.0), (2.0, 2.0, 2.0))
 USUAL_GAINS: Final[dict[Law, Gains]] = {
-    "computed_torque": Gains(),
-    "row_sum": Gains(),
+    "computed_torque": _THESIS,
+    "row_sum": _THESIS,
     "cascade": Gains((559.0,) * 3, (2535.0,) * 3, (41.0,) * 3),
 }
 """The gains of each control law unless others are given; `dtwin experiment margins` finds those of the cascade."""
+_OF_THE_LAW: Final = Gains(_NO_GAIN, _NO_GAIN, _NO_GAIN)
+"""Stands for the usual gains of a law that is known only when settings are made."""
 COMPENSATION_RANGES: Final = {
     "delay": (0.0, 0.01, "s"),
     "dead_zone": (0.0, 1.0, "V"),
@@ -38,7 +42,19 @@ APPLICATION_LAW: Final[Law] = "cascade"
 
 
 def usual_gains(law: Law, kp: Triple | None = None, ki: Triple | None = None, kd: Triple | None = None) -> Gains:
-    """The usual gains of a control law, with others in the place of those that are given."""
+    """The usual gains of a control law, but for those that are given.
+
+    Args:
+        law: cascade, computed_torque or row_sum.
+        kp: proportional gain of each joint, 1/s^2; None for the usual one.
+        ki: integral gain of each joint, 1/s^3; None for the usual one.
+        kd: derivative gain of each joint, 1/s; None for the usual one.
+
+    Raises:
+        ParameterError: there is no such law, or a gain is negative or not finite.
+    """
+    if law not in USUAL_GAINS:
+        raise ParameterError(f"law: expected {choices(LAWS)}, got {law!r}")
     usual = USUAL_GAINS[law]
     return Gains(kp or usual.kp, ki or usual.ki, kd or usual.kd)
 
@@ -73,7 +89,7 @@ class ControlSettings:
 
     Attributes:
         target_time: duration T of every motion, s.
-        gains: gains of the computed-torque law.
+        gains: gains of the law; the usual ones of the law if not given.
         law: "computed_torque" feeds back through the mass matrix, "row_sum" through its row sums without the damping
             term; both are the thesis's, on cubic paths. "cascade" feeds back a velocity, on paths whose acceleration
             has no steps.
@@ -89,7 +105,7 @@ class ControlSettings:
     """
 
     target_time: float = 2.0
-    gains: Gains = field(default_factory=Gains)
+    gains: Gains = _OF_THE_LAW
     law: Law = "computed_torque"
     model: ArmParameters = field(default_factory=ArmParameters)
     payload: float = 0.2
@@ -98,14 +114,16 @@ class ControlSettings:
     encoder_offset: Triple = NO_OFFSET
 
     def __post_init__(self) -> None:
+        if self.law not in LAWS:
+            raise ParameterError(f"law: expected {choices(LAWS)}, got {self.law!r}")
+        if self.gains is _OF_THE_LAW:
+            object.__setattr__(self, "gains", USUAL_GAINS[self.law])
         if not (math.isfinite(self.target_time) and self.target_time > 0):
             raise ParameterError(f"target time: expected a finite number of seconds above 0, got {self.target_time}")
         if not (math.isfinite(self.payload) and self.payload >= 0):
             raise ParameterError(f"payload: expected a finite mass of at least 0 kg, got {self.payload}")
         if not all(map(math.isfinite, self.encoder_offset)):
             raise ParameterError(f"encoder offset: expected finite angles, got {self.encoder_offset}")
-        if self.law not in LAWS:
-            raise ParameterError(f"law: expected {choices(LAWS)}, got {self.law!r}")
         if self.payload_model not in (None, *get_args(PayloadModel)):
             raise ParameterError(
                 f"payload model: expected {choices(get_args(PayloadModel))}, got {self.payload_model!r}"

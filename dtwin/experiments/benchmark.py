@@ -18,7 +18,7 @@ from dtwin.campaign.spread import Workers
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.ports import EMULATOR, sensor_values
 from dtwin.controller.runtime import Runtime, chosen
-from dtwin.controller.settings import ControlSettings
+from dtwin.controller.settings import ControlSettings, usual_gains
 from dtwin.emulation import MODEL_FILE
 from dtwin.emulation.raw import raw_file_ticks, raw_plant_ticks
 from dtwin.errors import ParameterError
@@ -33,7 +33,7 @@ from dtwin.iec61499.net.wire import MessageReader
 from dtwin.monitoring.estimation.belief import Unmodelled, assumed
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import stream
-from dtwin.parameters import PERIOD, PICKUP, ArmParameters, Gains
+from dtwin.parameters import PERIOD, PICKUP, ArmParameters
 from dtwin.run.cell import Cell
 from dtwin.run.loop import run, tick_count
 from dtwin.run.options import ControlOptions
@@ -260,7 +260,7 @@ def _round_trip(address: StreamAddress) -> float:
 def _what_if() -> float:
     """Simulates motions of 4 s with a box on the twin, under the function blocks with other gains each time."""
     simulator = Simulator()
-    gains = [Gains(kp=(200.0 + k, 500.0, 300.0)) for k in range(WHAT_IFS + 1)]
+    gains = [usual_gains("computed_torque", kp=(200.0 + k, 500.0, 300.0)) for k in range(WHAT_IFS + 1)]
     settings = [ControlSettings(4.0, each) for each in gains]
     first, *cases = [MotionCase("red", each, PICKUP.theta, payload=0.2, duration=4.0) for each in settings]
     simulator.run(first)

@@ -86,7 +86,7 @@ def work(item: Work) -> MachineAtWork:
     return MachineAtWork(
         item.number,
         summary.boxes,
-        summary.placement_error_mm.max,
+        0.0 if summary.placement_error_mm is None else summary.placement_error_mm.max,
         summary.events.get(EventKind.COLLISION, 0),
         summary.events.get(EventKind.SLIPPED, 0),
         PERIOD * max(longest(column) for column in at_limit.T),

@@ -21,6 +21,7 @@ from dtwin.run.emulate import emulate
 from dtwin.run.hidden import HiddenLog
 from dtwin.run.loop import Controller, Pacer, run, tick_count
 from dtwin.run.settings import CellSettings, metadata, sequence_of
+from dtwin.run.without_effect import without_effect
 from dtwin.signals import BoxCounts, Event, StepRecord
 
 
@@ -36,18 +37,21 @@ class PerJoint(msgspec.Struct, frozen=True):
 class RunSummary(msgspec.Struct, frozen=True):
     """The summary of a run.
 
-    duration is the plant time run, s; tracking errors are path minus true angle, rad; events counts them by kind.
+    duration is the plant time run, s; the placement error is None where no box was delivered; tracking errors are
+    path minus true angle, rad; events counts them by kind; without_effect names what was asked for and came to
+    nothing.
     """
 
     duration: float
     seed: int
     boxes: BoxCounts
-    placement_error_mm: Millimetres
+    placement_error_mm: Millimetres | None
     tracking_error_rad: PerJoint
     saturated_ticks: int
     real_time_factor: float
     wall_seconds: float
     events: dict[str, int]
+    without_effect: list[str] = []
 
 
 class CellController(Controller, Protocol):
@@ -141,7 +145,7 @@ class Cell:
 
     def summary(self, log: Log) -> RunSummary:
         """The summary of the run from its frozen log and what became of the boxes."""
-        errors = np.array(self.emulation.placement_errors_mm or [0.0])
+        errors = np.array(self.emulation.placement_errors_mm)
         duration = len(log) * PERIOD
         tracking = np.abs(log.stack("target") - log.angles()).max(axis=0, initial=0.0).tolist()
         saturated = (np.abs(log.stack("volts")[:, :3]) >= VOLTAGE_LIMIT).any(axis=1)
@@ -149,10 +153,11 @@ class Cell:
             duration=round(duration, 9),
             seed=self.settings.seed,
             boxes=self.emulation.box_counts,
-            placement_error_mm=Millimetres(float(errors.max()), float(errors.mean())),
+            placement_error_mm=Millimetres(float(errors.max()), float(errors.mean())) if len(errors) else None,
             tracking_error_rad=PerJoint(tuple(tracking)),
             saturated_ticks=int(saturated.sum()),
             real_time_factor=duration / self._wall if self._wall else 0.0,
             wall_seconds=self._wall,
             events=dict(sorted(Counter(event.kind for event in log.events).items())),
+            without_effect=without_effect(self.settings, log),
         )

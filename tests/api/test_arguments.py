@@ -27,8 +27,8 @@ from dtwin.api.arguments import checked
         ({"set": {"m1": "heavy"}}, "set: expected a text, a sequence of a text or a mapping of names and numbers"),
         ({"fault": "K9*=0.1@4"}, "K9"),
         ({"machine": "none"}, "machine 'none': expected a file (*.toml, *.json), a number, or ideal, "),
-        ({"gains": dtwin.Gains(kp=(1e9, 1.0, 1.0))}, "kp1: expected"),
-        ({"gains": dtwin.Gains(), "tuned": "arm.json"}, "arm.json"),
+        ({"gains": dtwin.usual_gains("computed_torque", kp=(1e9, 1.0, 1.0))}, "kp1: expected"),
+        ({"gains": dtwin.usual_gains("computed_torque"), "tuned": "arm.json"}, "arm.json"),
     ],
 )
 def test_a_bad_argument_of_a_cell_is_named(given: dict[str, Any], said: str) -> None:

@@ -163,7 +163,9 @@ def test_a_simulation_is_that_of_the_command(capsys: pytest.CaptureFixture[str])
     (base,) = json.loads(capsys.readouterr().out)["candidates"]
     assert base["energy"] == outcome.figures.energy
     assert tuple(base["tracking_max"]) == outcome.figures.tracking_max
-    slack = dtwin.simulate("pickup", "green", target_time=1.5, set={"D2": 0.1}, gains=dtwin.Gains())
+    slack = dtwin.simulate(
+        "pickup", "green", target_time=1.5, set={"D2": 0.1}, gains=dtwin.usual_gains("computed_torque")
+    )
     assert max(slack.figures.tracking_max) > max(outcome.figures.tracking_max)
 
 

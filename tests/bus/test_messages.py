@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from dtwin.bus.codec import SIZE_LIMIT, MessageError, Reader, encode
 from dtwin.bus.messages import TOPICS, SettingsRequest
-from dtwin.parameters import ArmParameters, Gains
+from dtwin.controller.settings import usual_gains
+from dtwin.parameters import ArmParameters
 from dtwin.signals import MONITOR, Event, EventKind, Sensors, Voltages
 
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "zenoh.md").read_text()
@@ -159,7 +160,10 @@ def test_settings_are_checked_where_they_arrive(message: type, payload: bytes, s
 
 
 def test_settings_come_back_as_they_were() -> None:
-    for request in (SettingsRequest(Gains((1.0, 2.0, 3.0)), 1.5), SettingsRequest(model=ArmParameters())):
+    for request in (
+        SettingsRequest(usual_gains("computed_torque", (1.0, 2.0, 3.0)), 1.5),
+        SettingsRequest(model=ArmParameters()),
+    ):
         assert Reader(SettingsRequest)(encode(request)) == request
 
 

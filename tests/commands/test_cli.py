@@ -160,8 +160,10 @@ def test_json_is_one_object_and_nothing_else(
         "real_time_factor",
         "wall_seconds",
         "events",
+        "without_effect",
     }
     assert result["duration"] == 2.0
+    assert result["placement_error_mm"] is None
     assert result["seed"] == 3
     assert len(result["tracking_error_rad"]["max"]) == 3
     assert list(tmp_path.iterdir()) == []

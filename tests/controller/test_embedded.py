@@ -7,7 +7,7 @@ from itertools import product
 import pytest
 
 from dtwin.controller.ports import MODEL, TUNING
-from dtwin.controller.settings import LAWS, Compensation, ControlSettings
+from dtwin.controller.settings import LAWS, USUAL_GAINS, Compensation, ControlSettings, usual_gains
 from dtwin.errors import ParameterError
 from dtwin.parameters import ArmParameters, Gains, PayloadModel
 
@@ -60,3 +60,16 @@ def test_compensation_reaches_its_inputs_and_has_its_limits() -> None:
     for wrong in ({"delay": 0.011}, {"dead_zone": -0.1}, {"bandwidth": 400.0}, {"bandwidth": math.nan}):
         with pytest.raises(ParameterError, match="expected"):
             Compensation(**wrong)
+
+
+def test_gains_belong_to_a_law() -> None:
+    for law in LAWS:
+        assert ControlSettings(law=law).gains == usual_gains(law) == USUAL_GAINS[law]
+    assert ControlSettings(law="cascade").gains != ControlSettings().gains
+    given = usual_gains("cascade", kp=(1.0, 2.0, 3.0))
+    assert given == Gains((1.0, 2.0, 3.0), USUAL_GAINS["cascade"].ki, USUAL_GAINS["cascade"].kd)
+    assert replace(ControlSettings(gains=given), law="cascade").gains == given
+    with pytest.raises(TypeError, match="kp"):
+        usual_gains("computed_torque")  # type: ignore[call-arg]
+    with pytest.raises(ParameterError, match="law: expected computed_torque, row_sum or cascade, got 'none'"):
+        usual_gains("none")  # type: ignore[arg-type]

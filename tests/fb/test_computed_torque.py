@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dtwin.controller.settings import usual_gains
 from dtwin.parameters import ArmParameters, Gains
 from dtwin.twin.dynamics import coriolis, gravity, mass_matrix
 from tests.support.driven import Array, Driven, triple
@@ -30,7 +31,7 @@ class Law:
 
     def __init__(self, law: int, payload: float, weight_only: bool) -> None:
         self.law, self.payload, self.weight_only = law, payload, weight_only
-        self.arm, self.gains = ArmParameters(), Gains()
+        self.arm, self.gains = ArmParameters(), usual_gains("computed_torque")
         self.measured: list[Array] = []
         self.integral = np.zeros(3)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -16,10 +17,9 @@ from dtwin.logs.log import COLUMNS, NEEDED, Log
 from dtwin.logs.reading import read_log
 
 ROWS = 50
-Table = pa.Table
 
 
-def table() -> Table:
+def table() -> pa.Table:
     """A log as other software writes it: plain columns, no notes."""
     t = 0.01 * np.arange(ROWS)
     columns = {"t": t}
@@ -28,8 +28,8 @@ def table() -> Table:
     return pa.table({**columns, "box_gripped": np.zeros(ROWS, dtype=bool)})
 
 
-def with_column(name: str, values: object) -> Callable[[Table], Table]:
-    def change(old: Table) -> Table:
+def with_column(name: str, values: object) -> Callable[[pa.Table], pa.Table]:
+    def change(old: pa.Table) -> pa.Table:
         column = values if isinstance(values, pa.Array) else pa.array(values)
         place = old.schema.get_field_index(name)
         return old.append_column(name, column) if place < 0 else old.set_column(place, name, column)
@@ -37,8 +37,8 @@ def with_column(name: str, values: object) -> Callable[[Table], Table]:
     return change
 
 
-def with_value(name: str, row: int, value: float) -> Callable[[Table], Table]:
-    def change(old: Table) -> Table:
+def with_value(name: str, row: int, value: float) -> Callable[[pa.Table], pa.Table]:
+    def change(old: pa.Table) -> pa.Table:
         values = old.column(name).to_numpy().copy()
         values[row] = value
         return with_column(name, values)(old)
@@ -46,15 +46,15 @@ def with_value(name: str, row: int, value: float) -> Callable[[Table], Table]:
     return change
 
 
-def without(name: str) -> Callable[[Table], Table]:
+def without(name: str) -> Callable[[pa.Table], pa.Table]:
     return lambda old: old.drop_columns(name)
 
 
-def scaled(name: str, factor: float, offset: float = 0.0) -> Callable[[Table], Table]:
+def scaled(name: str, factor: float, offset: float = 0.0) -> Callable[[pa.Table], pa.Table]:
     return lambda old: with_column(name, offset + factor * old.column(name).to_numpy())(old)
 
 
-def read(tmp_path: Path, change: Callable[[Table], Table] = lambda old: old) -> Log:
+def read(tmp_path: Path, change: Callable[[pa.Table], pa.Table] = lambda old: old) -> Log:
     path = tmp_path / "log.parquet"
     pq.write_table(change(table()), path)
     return read_log(path)
@@ -143,7 +143,7 @@ def test_what_other_software_writes_is_read(tmp_path: Path, name: str, values: p
 
 
 def test_ticks_may_be_missing_and_stamps_may_tremble(tmp_path: Path) -> None:
-    def change(old: Table) -> Table:
+    def change(old: pa.Table) -> pa.Table:
         kept = old.take([row for row in range(ROWS) if row not in (7, 8, 30)])
         trembling = np.random.default_rng(1).uniform(-5e-4, 5e-4, len(kept))
         return with_column("t", kept.column("t").to_numpy() + 3.0 + trembling)(kept)
@@ -214,7 +214,7 @@ def test_arrays_make_a_log_that_is_read_back(tmp_path: Path) -> None:
         ({"t": 10.0 * np.arange(ROWS)}, "arrays: column t: the stamps look like milliseconds"),
     ],
 )
-def test_arrays_that_are_no_log(change: dict[str, object], message: str) -> None:
-    right = {"measured": np.zeros((ROWS, 3)), "volts": np.zeros((ROWS, 3))}
+def test_arrays_that_are_no_log(change: dict[str, Any], message: str) -> None:
+    right: dict[str, Any] = {"measured": np.zeros((ROWS, 3)), "volts": np.zeros((ROWS, 3))}
     with pytest.raises(dtwin.DtwinError, match=message):
         dtwin.from_arrays(**{**right, **change})

@@ -6,11 +6,12 @@ import pytest
 
 from dtwin.bus.twin_messages import PredictedMotion
 from dtwin.controller.motion import NAMES
+from dtwin.controller.settings import usual_gains
 from dtwin.parameters import ArmParameters, Gains, scaled
 from dtwin.recovery.strength import RESERVE, beyond_strength, holding
 from dtwin.recovery.tuning import BOUND, SLOWER, STIFFER, Expect, search
 
-GAINS = Gains()
+GAINS = usual_gains("computed_torque")
 USUAL = holding(ArmParameters(), 0.21)
 """share of the voltage limit that holding the healthy arm takes, by place"""
 

@@ -32,6 +32,7 @@ def test_every_picked_box_is_delivered(seed: int, noise: float, placement_mm: fl
     assert boxes.delivered == boxes.picked - boxes.held
     assert boxes.held <= 1
     assert "grip_missed" not in summary.events
+    assert summary.placement_error_mm is not None
     assert summary.placement_error_mm.max <= placement_mm
     if noise == 0.0:
         assert summary.saturated_ticks == 0
@@ -80,6 +81,7 @@ CASCADE = ControlSettings(gains=USUAL_GAINS["cascade"], law="cascade")
 def test_the_cascade_sorts_boxes_closer_to_their_places() -> None:
     _, summary = run(CellSettings(duration=120.0, control=CASCADE))
     assert summary.boxes.delivered == summary.boxes.picked == 7
+    assert summary.placement_error_mm is not None
     assert summary.placement_error_mm.max < 0.03
     assert max(summary.tracking_error_rad.max) < 0.005
     assert summary.saturated_ticks == 0

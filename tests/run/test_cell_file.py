@@ -57,6 +57,7 @@ def test_a_file_alone_makes_a_cell_that_sorts_as_well_as_the_first() -> None:
     for score in (first.score, second.score):
         assert score.boxes.misplaced == 0
         assert score.boxes.delivered + score.boxes.held == score.boxes.picked
+        assert score.placement_error_mm is not None
         assert score.placement_error_mm.max < 0.1
     task = cell_of("four-colours").task
     columns = second.arrays()

@@ -27,6 +27,7 @@ from dtwin.bus.messages import (
 )
 from dtwin.bus.session import Bus
 from dtwin.bus.twin_messages import Upload, UploadRequest
+from dtwin.controller.settings import usual_gains
 from dtwin.errors import CommunicationError
 from dtwin.identification.store import ModelStore, open_model
 from dtwin.logs.reading import read_log
@@ -86,7 +87,7 @@ def test_a_forte_moves_the_arm_as_the_embedded_device_does(
 def test_a_forte_that_starts_again_gets_application_and_settings_before_the_arm_moves(
     desk: Desk, tmp_path: Path
 ) -> None:
-    gains = Gains((260.0, 500.0, 300.0))
+    gains = usual_gains("computed_torque", (260.0, 500.0, 300.0))
     events: list[Event] = []
     volts: list[Voltages] = []
     with ExitStack() as life:
@@ -127,7 +128,7 @@ def test_uploads_are_acknowledged_watched_and_confirmed(controller: str, desk: D
     with join("cell") as bus:
         first = bus.ask(SETTINGS, None, SettingsInForce)
         assert (first.law, first.payload, first.payload_model) == ("row_sum", 0.2, "weight")
-        assert first.gains == Gains()
+        assert first.gains == usual_gains("computed_torque")
         uploads(bus)
         by_hand(desk, bus)
     actions = [entry.action for entry in History(history).entries()]
@@ -155,7 +156,7 @@ def uploads(bus: Bus) -> None:
     found = bus.ask(SETTINGS, None, SettingsInForce)
     assert (found.gains, found.target_time) == (gains, 2.0)
     np.testing.assert_allclose(found.model.vector(), heavier.vector(), rtol=1e-14)
-    wild = replace(blank, based_on=now(bus).version, gains=Gains(kp=(2000.0,) * 3))
+    wild = replace(blank, based_on=now(bus).version, gains=usual_gains("computed_torque", kp=(2000.0,) * 3))
     with pytest.raises(CommunicationError, match="not stable: spectral radius"):
         bus.ask(UPLOAD, wild, Upload)
     assert bus.ask(SETTINGS, None, SettingsInForce) == found

@@ -56,8 +56,9 @@ from dtwin.bus.twin_messages import (
     Upload,
     UploadRequest,
 )
+from dtwin.controller.settings import usual_gains
 from dtwin.errors import CommunicationError
-from dtwin.parameters import ROOT, ArmParameters, Gains
+from dtwin.parameters import ROOT, ArmParameters
 from dtwin.services.runfile import join
 from dtwin.signals import Event, Sensors, Voltages
 from tests.support.bus import noting
@@ -307,10 +308,10 @@ def test_renewed_certificates_count_when_a_session_joins_again(secured: Path) ->
 
 def test_each_may_ask_the_controller_what_it_needs_and_no_more(secured: Path) -> None:
     """Settings pass the checks of the simulation service, whoever wants them."""
-    in_force = SettingsInForce(Gains(), 2.0, ArmParameters(), "computed_torque", 0.2, "point")
+    in_force = SettingsInForce(usual_gains("computed_torque"), 2.0, ArmParameters(), "computed_torque", 0.2, "point")
     played = IdentificationSignal((6.0, 4.0, 3.0), 5, (0, 0, 0), 350)
     requests: dict[Topic, msgspec.Struct] = {
-        SETTINGS: SettingsRequest(Gains((1.0, 2.0, 3.0)), 2.0),
+        SETTINGS: SettingsRequest(usual_gains("computed_torque", (1.0, 2.0, 3.0)), 2.0),
         SIGNAL: SignalRequest(True),
     }
     replies: dict[Topic, msgspec.Struct] = {SETTINGS: in_force, SIGNAL: played}
@@ -330,7 +331,9 @@ def test_each_may_ask_the_controller_what_it_needs_and_no_more(secured: Path) ->
 
 
 def test_operators_ask_the_twin_and_each_module_answers_for_itself(secured: Path) -> None:
-    upload = Upload(1, 0.0, "start", "", False, Gains(), 2.0, "computed_torque", ArmParameters())
+    upload = Upload(
+        1, 0.0, "start", "", False, usual_gains("computed_torque"), 2.0, "computed_torque", ArmParameters()
+    )
     with Probe(secured, "simulation") as simulation, Probe(secured, "identification") as identification:
         for topic in (UPLOAD, ROLL_BACK):
             simulation.bus.answer(topic, UploadRequest, lambda asked: upload, lambda: upload)

@@ -28,7 +28,7 @@ from dtwin.bus.session import Bus
 from dtwin.bus.twin_messages import Upload, UploadRequest
 from dtwin.controller.device import Outcome
 from dtwin.controller.sequence import AMONG_BODIES, CALLS, STRAIGHT, SequenceSettings
-from dtwin.controller.settings import ControlSettings
+from dtwin.controller.settings import ControlSettings, usual_gains
 from dtwin.errors import CommunicationError, RecordingError
 from dtwin.iec61499.net.address import Address
 from dtwin.parameters import ArmParameters, Gains, Triple
@@ -41,7 +41,9 @@ from tests.support.desk import Desk, busy_cell
 from tests.support.ports import free_port
 from tests.support.waiting import pause, until
 
-TUNED = ControlSettings(3.0, Gains(kp=(260.0, 500.0, 300.0)), payload=0.22, encoder_offset=(0.0, 0.01, -0.02))
+TUNED = ControlSettings(
+    3.0, usual_gains("computed_torque", kp=(260.0, 500.0, 300.0)), payload=0.22, encoder_offset=(0.0, 0.01, -0.02)
+)
 
 
 @dataclass

@@ -31,6 +31,7 @@ from dtwin.bus.messages import Path as PathAngles
 from dtwin.bus.session import Bus
 from dtwin.bus.twin_messages import Predicted, PredictionRequest, RollBackRequest, Upload, UploadRequest
 from dtwin.controller.excitation import ExcitationController
+from dtwin.controller.settings import usual_gains
 from dtwin.errors import CommunicationError
 from dtwin.experiments.identification.standard import standard_settings
 from dtwin.identification.estimation.estimate import identify
@@ -38,7 +39,7 @@ from dtwin.identification.excitation.plan import Plan
 from dtwin.identification.excitation.rig import Rig
 from dtwin.identification.model import write_model
 from dtwin.identification.result import from_estimate
-from dtwin.parameters import ArmParameters, Gains, Triple, scaled
+from dtwin.parameters import ArmParameters, Triple, scaled
 from dtwin.services import simulation
 from dtwin.services.runfile import join
 from dtwin.signals import Sensors
@@ -47,7 +48,7 @@ from dtwin.simulation.history import History
 from tests.support.desk import Desk, busy_cell, new_desk
 from tests.support.waiting import until
 
-HIGHER = Gains(kp=(250.0, 500.0, 350.0))
+HIGHER = usual_gains("computed_torque", kp=(250.0, 500.0, 350.0))
 
 
 @pytest.fixture(scope="module")
@@ -137,7 +138,9 @@ def test_an_arm_that_cannot_be_is_refused(cell: Desk, value: float) -> None:
             with pytest.raises(CommunicationError, match=r"1: expected .*, got 1e"):
                 bus.ask(PREDICT, PredictionRequest(arm=arm), Predicted)
             with pytest.raises(CommunicationError, match=r"1: expected .*, got 1e"):
-                bus.ask(UPLOAD, UploadRequest("x", "y", before.version, Gains(), arm=arm), Upload)
+                bus.ask(
+                    UPLOAD, UploadRequest("x", "y", before.version, usual_gains("computed_torque"), arm=arm), Upload
+                )
         with pytest.raises(CommunicationError, match=r"<= 1.0"):
             bus.ask(PREDICT, PredictionRequest(box=1e300), Predicted)
         assert now(bus) == before
@@ -165,10 +168,13 @@ def test_what_is_refused_changes_nothing(cell: Desk, history: History) -> None:
         held = before.version
         for request, reason in (
             (
-                UploadRequest("bob", "old", held - 1, gains=Gains()),
+                UploadRequest("bob", "old", held - 1, gains=usual_gains("computed_torque")),
                 f"expected version {held}, got {held - 1}",
             ),
-            (UploadRequest("bob", "wild", held, gains=Gains(kp=(2000.0,) * 3)), "blue with a box: not stable"),
+            (
+                UploadRequest("bob", "wild", held, gains=usual_gains("computed_torque", kp=(2000.0,) * 3)),
+                "blue with a box: not stable",
+            ),
             (
                 UploadRequest("bob", "nothing", held),
                 "expected gains, a target time or both, or a model, a payload or encoder offsets alone",
@@ -190,7 +196,11 @@ def test_nobody_sets_anything_past_the_checks(cell: Desk, history: History) -> N
     with join("cell") as bus, cell.join_as_stranger() as stranger:
         before, count = bus.ask(SETTINGS, None, SettingsInForce), len(history.entries())
         with pytest.raises(CommunicationError, match="unsigned: expected the signature of this cell"):
-            stranger.ask(SETTINGS, SettingsRequest(Gains(kp=(220.0, 500.0, 300.0)), 2.0), SettingsInForce)
+            stranger.ask(
+                SETTINGS,
+                SettingsRequest(usual_gains("computed_torque", kp=(220.0, 500.0, 300.0)), 2.0),
+                SettingsInForce,
+            )
         assert bus.ask(SETTINGS, None, SettingsInForce) == before
     assert len(history.entries()) == count
 
@@ -199,7 +209,9 @@ def test_an_upload_by_somebody_unaware_of_another_one_is_refused(cell: Desk, his
     """Gains set by another service are found to be in force, as a version of their own."""
     with join("cell") as bus, join("cell") as service:
         before, count = now(bus).version, len(history.entries())
-        service.ask(SETTINGS, SettingsRequest(Gains(kp=(220.0, 500.0, 300.0)), 2.0), SettingsInForce)
+        service.ask(
+            SETTINGS, SettingsRequest(usual_gains("computed_torque", kp=(220.0, 500.0, 300.0)), 2.0), SettingsInForce
+        )
         with pytest.raises(CommunicationError, match=f"expected version {before + 1}, got {before}"):
             bus.ask(UPLOAD, UploadRequest("anna", "unaware of bob", before, target_time=1.8), Upload)
     assert [entry.action for entry in history.entries()[count:]] == ["start", "refuse"]
@@ -240,7 +252,7 @@ def test_values_set_by_hand_pass_the_same_checks_and_stand_in_the_same_history(c
 def test_numbers_that_no_arm_can_have_are_refused_with_the_range(cell: Desk) -> None:
     """Finite numbers that no arm can have are refused with the range, by the service and by the bridge."""
     heavy = scaled(ArmParameters(), "m", 1e300)
-    wild = Gains(kp=(1e308, 500.0, 300.0))
+    wild = usual_gains("computed_torque", kp=(1e308, 500.0, 300.0))
     with join("cell") as bus, join("cell") as service:
         before = bus.ask(SETTINGS, None, SettingsInForce)
         asked = UploadRequest("bob", "wild", now(bus).version)
@@ -249,13 +261,17 @@ def test_numbers_that_no_arm_can_have_are_refused_with_the_range(cell: Desk) -> 
             (replace(asked, model=heavy), SettingsRequest(model=heavy), "m1: expected 0.001 to 1, got 1"),
             (
                 replace(asked, target_time=1e-300),
-                SettingsRequest(Gains(), 1e-300),
+                SettingsRequest(usual_gains("computed_torque"), 1e-300),
                 "target time: expected 0.1 to 60 s, got 1e-300",
             ),
-            (replace(asked, target_time=-1.0), SettingsRequest(Gains(), -1.0), "target time: expected"),
             (
-                replace(asked, gains=Gains(), model=ArmParameters()),
-                SettingsRequest(Gains(), 2.0, ArmParameters()),
+                replace(asked, target_time=-1.0),
+                SettingsRequest(usual_gains("computed_torque"), -1.0),
+                "target time: expected",
+            ),
+            (
+                replace(asked, gains=usual_gains("computed_torque"), model=ArmParameters()),
+                SettingsRequest(usual_gains("computed_torque"), 2.0, ArmParameters()),
                 "or a model, a payload or encoder offsets alone",
             ),
         ):
@@ -305,7 +321,7 @@ def test_a_killed_service_finds_old_or_new_settings_and_watches_the_new(started:
 
         for number, (moment, when) in enumerate((("checks", lambda: True), ("written", written), ("sent", sent))):
             before = now(bus)
-            wanted = Gains(kp=(210.0 + number, 500.0, 300.0))
+            wanted = usual_gains("computed_torque", kp=(210.0 + number, 500.0, 300.0))
             request = UploadRequest("anna", moment, before.version, gains=wanted)
             asked = pool.submit(bus.ask, UPLOAD, request, Upload)
             until(when, moment, between=lambda: None)

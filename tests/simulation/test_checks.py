@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dtwin.controller.motion import MotionController
-from dtwin.controller.settings import USUAL_GAINS, ControlSettings
+from dtwin.controller.settings import USUAL_GAINS, ControlSettings, usual_gains
 from dtwin.parameters import PERIOD, PICKUP, PLACES, ArmParameters, Gains, scaled
 from dtwin.simulation.checks import MOTIONS, TOLERANCE, Checker, Motion, Refused
 from dtwin.simulation.margins.demands import DEMANDS, cases
@@ -42,8 +42,11 @@ def test_prediction_is_the_worst_of_the_motions(checker: Checker, simulator: Sim
 @pytest.mark.parametrize(
     ("settings", "reason"),
     [
-        (replace(USUAL, gains=Gains(kp=(1000.0,) * 3)), "blue with a box: not stable: spectral radius 1.00"),
-        (replace(USUAL, gains=Gains(kd=(200.0,) * 3)), "not stable"),
+        (
+            replace(USUAL, gains=usual_gains("computed_torque", kp=(1000.0,) * 3)),
+            "blue with a box: not stable: spectral radius 1.00",
+        ),
+        (replace(USUAL, gains=usual_gains("computed_torque", kd=(200.0,) * 3)), "not stable"),
         (replace(USUAL, gains=Gains((0.0,) * 3, (0.0,) * 3, (0.0,) * 3)), "not stable"),
         (replace(USUAL, law="row_sum", payload_model="point"), "not stable"),
         (replace(USUAL, payload_model="weight"), "not stable"),
@@ -51,7 +54,10 @@ def test_prediction_is_the_worst_of_the_motions(checker: Checker, simulator: Sim
         (replace(USUAL, target_time=0.9), "pickup to green: joint 3 would leave its path by"),
         (replace(USUAL, model=scaled(ArmParameters(), "D", 20.0)), "would leave its path"),
         (replace(USUAL, target_time=0.01), "target time: expected 0.1 to 60 s, got 0.01"),
-        (replace(USUAL, gains=Gains(ki=(1.0, 1e6, 1.0))), "ki2: expected 0 to 100000, got 1e"),
+        (
+            replace(USUAL, gains=usual_gains("computed_torque", ki=(1.0, 1e6, 1.0))),
+            "ki2: expected 0 to 100000, got 1e",
+        ),
         (replace(USUAL, model=replace(ArmParameters(), length=(0.15, 5.0, 0.16))), "l2: expected 0.01 to 0.5, got 5"),
     ],
 )

@@ -13,14 +13,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dtwin.controller.settings import ControlSettings
+from dtwin.controller.settings import ControlSettings, usual_gains
 from dtwin.errors import RecordingError
 from dtwin.parameters import Gains
 from dtwin.simulation.history import Entry, History
 
 
 def entry(version: int, why: str = "") -> Entry:
-    settings = ControlSettings(gains=Gains(kp=(float(version), 0.1, 1 / 3)))
+    settings = ControlSettings(gains=usual_gains("computed_torque", kp=(float(version), 0.1, 1 / 3)))
     return Entry(version, 1.5, "upload", "somebody", why, "gains", settings, "ok", (0.1, 0.2, 0.3))
 
 

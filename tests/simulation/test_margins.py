@@ -11,9 +11,9 @@ import pytest
 
 from dtwin.controller.motion import MotionController
 from dtwin.controller.runtime import Runtime, chosen
-from dtwin.controller.settings import LAWS, USUAL_GAINS, Compensation, ControlSettings
+from dtwin.controller.settings import LAWS, USUAL_GAINS, Compensation, ControlSettings, usual_gains
 from dtwin.experiments.simulation.margins import compare, usual
-from dtwin.parameters import COULOMB_WIDTH, PERIOD, PICKUP, PLACES, ArmParameters, Gains, Law, Triple
+from dtwin.parameters import COULOMB_WIDTH, PERIOD, PICKUP, PLACES, ArmParameters, Law, Triple
 from dtwin.simulation.margins.demands import MARGINS, STABILITY, cases, demanded_margins
 from dtwin.simulation.margins.loop import Loop, Plant, StateSpace, linear_arm, linear_blocks, linear_loop
 from dtwin.simulation.margins.measures import (
@@ -173,7 +173,7 @@ def test_both_runtimes_have_the_same_linear_blocks(law: Law) -> None:
 @pytest.mark.parametrize("kp", [200.0, 2000.0])
 @pytest.mark.parametrize("law", LAWS)
 def test_what_is_not_demanded_is_not_computed_and_changes_nothing(simulator: Simulator, law: Law, kp: float) -> None:
-    settings = ControlSettings(law=law, gains=Gains(kp=(kp,) * 3))
+    settings = ControlSettings(law=law, gains=usual_gains("computed_torque", kp=(kp,) * 3))
     for pose in places():
         loop = linear_loop(simulator.controller, settings, ARM, 0.2, pose.theta)
         for demands in (STABILITY, MARGINS):
@@ -208,7 +208,7 @@ def test_the_thesis_law_bears_little(simulator: Simulator) -> None:
 
 
 def test_an_unstable_loop_has_no_margins(simulator: Simulator) -> None:
-    settings = ControlSettings(gains=Gains(kp=(2000.0,) * 3))
+    settings = ControlSettings(gains=usual_gains("computed_torque", kp=(2000.0,) * 3))
     found = margins(linear_loop(simulator.controller, settings, ARM, 0.2, PICKUP.theta))
     assert found.disk == found.delay == found.gain == found.torque == 0.0
     short = MARGINS.shortfall(found)

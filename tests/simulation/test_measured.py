@@ -7,16 +7,16 @@ import itertools
 import numpy as np
 import pytest
 
-from dtwin.controller.settings import ControlSettings
+from dtwin.controller.settings import ControlSettings, usual_gains
 from dtwin.errors import RecordingError
 from dtwin.logs.log import Log
-from dtwin.parameters import HANGING, PICKUP, PLACES, ArmParameters, Gains
+from dtwin.parameters import HANGING, PICKUP, PLACES, ArmParameters
 from dtwin.run.cell import Cell
 from dtwin.run.settings import CellSettings
 from dtwin.simulation.measured import compare, find, motions, settings_of
 from dtwin.simulation.whatif import Simulator
 
-CONTROL = ControlSettings(1.7, Gains(kp=(250.0, 500.0, 300.0)))
+CONTROL = ControlSettings(1.7, usual_gains("computed_torque", kp=(250.0, 500.0, 300.0)))
 
 
 @pytest.fixture(scope="module")

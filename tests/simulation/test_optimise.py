@@ -70,9 +70,14 @@ def test_a_fixed_target_time_stays() -> None:
 
 @given(st.lists(st.tuples(st.integers(0, 6), st.integers(0, 6)), max_size=30))
 def test_the_front_is_what_nothing_beats(points: list[tuple[int, int]]) -> None:
-    scores = tuple(CandidateScore(1.0, Gains(), {"time": a, "energy": b}, "", 1.0, 1) for a, b in points)
+    scores = tuple(
+        CandidateScore(1.0, usual_gains("computed_torque"), {"time": a, "energy": b}, "", 1.0, 1) for a, b in points
+    )
     front = Optimum(
-        CandidateScore(1.0, Gains(), {}, "", 1.0, 1), CandidateScore(1.0, Gains(), {}, "", 1.0, 1), scores, 1.0
+        CandidateScore(1.0, usual_gains("computed_torque"), {}, "", 1.0, 1),
+        CandidateScore(1.0, usual_gains("computed_torque"), {}, "", 1.0, 1),
+        scores,
+        1.0,
     ).front("time", "energy")
     kept = [(each.terms["time"], each.terms["energy"]) for each in front]
     beaten = {p for p in points if any(q != p and q[0] <= p[0] and q[1] <= p[1] for q in points)}
@@ -82,23 +87,30 @@ def test_the_front_is_what_nothing_beats(points: list[tuple[int, int]]) -> None:
 
 
 def test_weights_choose_what_counts() -> None:
-    slow, fast = (score(SMALL, target_time, Gains()) for target_time in (3.0, 1.5))
+    slow, fast = (score(SMALL, target_time, usual_gains("computed_torque")) for target_time in (3.0, 1.5))
     assert fast.cost == pytest.approx(1.0)  # its own reference
     by_time = replace(SMALL, reference=slow.terms)
-    assert score(by_time, 1.5, Gains()).cost == pytest.approx(fast.terms["time"] / slow.terms["time"])
+    assert score(by_time, 1.5, usual_gains("computed_torque")).cost == pytest.approx(
+        fast.terms["time"] / slow.terms["time"]
+    )
     both = replace(by_time, weights={"time": 1.0, "tracking": 3.0})
     expected = (fast.terms["time"] / slow.terms["time"] + 3 * fast.terms["tracking"] / slow.terms["tracking"]) / 4
-    assert score(both, 1.5, Gains()).cost == pytest.approx(expected)
+    assert score(both, 1.5, usual_gains("computed_torque")).cost == pytest.approx(expected)
 
 
 @pytest.mark.parametrize(
     ("limits", "gains", "target_time", "broken"),
     [
-        (Limits(), Gains(kp=(2000.0,) * 3), 2.0, "stability"),
-        (Limits(voltage=2.0), Gains(), 2.0, "voltage"),
-        (Limits(tracking=1e-4), Gains(), 2.0, "tracking"),
-        (Limits(overshoot=1e-6), Gains(), 1.0, "overshoot"),
-        (Limits(tracking=9.0, overshoot=9.0), Gains(kp=(20.0,) * 3, ki=(2.0,) * 3), 0.6, "settling"),
+        (Limits(), usual_gains("computed_torque", kp=(2000.0,) * 3), 2.0, "stability"),
+        (Limits(voltage=2.0), usual_gains("computed_torque"), 2.0, "voltage"),
+        (Limits(tracking=1e-4), usual_gains("computed_torque"), 2.0, "tracking"),
+        (Limits(overshoot=1e-6), usual_gains("computed_torque"), 1.0, "overshoot"),
+        (
+            Limits(tracking=9.0, overshoot=9.0),
+            usual_gains("computed_torque", kp=(20.0,) * 3, ki=(2.0,) * 3),
+            0.6,
+            "settling",
+        ),
     ],
 )
 def test_broken_limits_are_named(limits: Limits, gains: Gains, target_time: float, broken: str) -> None:

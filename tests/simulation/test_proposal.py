@@ -11,10 +11,10 @@ import pytest
 from dtwin.bus.twin_messages import Upload, UploadRequest
 from dtwin.commands.simulation.upload import UploadGains, UploadModel
 from dtwin.controller.proposed import read_settings
-from dtwin.controller.settings import Compensation
+from dtwin.controller.settings import Compensation, usual_gains
 from dtwin.errors import ModelError, ParameterError
 from dtwin.identification.machine.record import MachineRecord, read_record, write_record
-from dtwin.parameters import ArmParameters, Gains
+from dtwin.parameters import ArmParameters
 from dtwin.run.options import ControlOptions
 from dtwin.simulation import proposal
 from dtwin.simulation.margins import design
@@ -39,7 +39,7 @@ def few_poles() -> Iterator[None]:
         yield
 
 
-IN_FORCE = Upload(1, 0.0, "start", "", False, Gains(), 2.0, "cascade", ArmParameters())
+IN_FORCE = Upload(1, 0.0, "start", "", False, usual_gains("computed_torque"), 2.0, "cascade", ArmParameters())
 
 
 def told(record: MachineRecord, told: bool, *names: str) -> MachineRecord:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from dtwin.controller.embedded import EmbeddedController
-from dtwin.controller.settings import ControlSettings
+from dtwin.controller.settings import ControlSettings, usual_gains
 from dtwin.controller.settings_port import EmbeddedPort
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.logs.log import Log
@@ -24,7 +24,7 @@ from dtwin.simulation.trial import Trial, TrialRules
 from dtwin.simulation.upload import Proposal, Uploader
 from dtwin.simulation.watched_controller import WatchedController
 
-HIGHER = Gains(kp=(250.0, 500.0, 350.0))
+HIGHER = usual_gains("computed_torque", kp=(250.0, 500.0, 350.0))
 Action = Callable[[Uploader, float], object]
 
 
@@ -73,7 +73,7 @@ def model(values: ArmParameters) -> Action:
 def test_sending_the_same_again_changes_no_voltage(tmp_path: Path, checker: Checker, desk: UploadingCell) -> None:
     undisturbed = Cell(CellSettings(duration=20.0, seed=1))
     undisturbed.run()
-    send_gains = lambda uploader, at: desk.port.send_gains(Gains(), 2.0)  # noqa: E731 - one line of a table
+    send_gains = lambda uploader, at: desk.port.send_gains(usual_gains("computed_torque"), 2.0)  # noqa: E731 - one line of a table
     send_model = lambda uploader, at: desk.port.send_model(ArmParameters())  # noqa: E731 - one line of a table
     log = desk.run(20.0, {float(k): send_gains if k % 2 else send_model for k in range(1, 20)})
     assert log.stack("volts").tobytes() == undisturbed.log.freeze().stack("volts").tobytes()
@@ -82,7 +82,7 @@ def test_sending_the_same_again_changes_no_voltage(tmp_path: Path, checker: Chec
 def test_new_gains_make_no_jump_beyond_the_new_law(tmp_path: Path, checker: Checker, desk: UploadingCell) -> None:
     """Gains change amid a motion of an arm that is heavier than the controller knows; the integral stays."""
     heavy = scaled(ArmParameters(), "m", 1.2)
-    other = Gains(ki=(150.0, 100.0, 300.0))
+    other = usual_gains("computed_torque", ki=(150.0, 100.0, 300.0))
     plain = Cell(CellSettings(duration=14.2, seed=1, arm=heavy))
     plain.run()
     usual, changed = plain.log.freeze().stack("volts"), desk.run(14.2, {14.0: gains(other)}, heavy).stack("volts")
@@ -146,7 +146,7 @@ def test_a_trial_that_a_crash_cut_short_goes_on(desk: UploadingCell) -> None:
 def test_refusals_change_nothing_but_the_history(desk: UploadingCell) -> None:
     before = desk.port.read_back()
     refused = [
-        Proposal("bob", "more is better", 1, Gains(kp=(5000.0,) * 3)),
+        Proposal("bob", "more is better", 1, usual_gains("computed_torque", kp=(5000.0,) * 3)),
         Proposal("bob", "old", 0, HIGHER),
         Proposal("bob", "quick", 1, target_time=0.5),
         Proposal("bob", "light", 1, model=scaled(ArmParameters(), "m", 0.1)),
@@ -164,7 +164,7 @@ def test_refusals_change_nothing_but_the_history(desk: UploadingCell) -> None:
 def test_one_trial_at_a_time_and_a_roll_back_by_hand(desk: UploadingCell) -> None:
     desk.uploader.upload(Proposal("anna", "", 1, HIGHER, 2.5), 5.0)
     with pytest.raises(Refused, match=r"version 2 is on trial until 15\.00 s and the end of a motion"):
-        desk.uploader.upload(Proposal("bob", "", 2, Gains()), 6.0)
+        desk.uploader.upload(Proposal("bob", "", 2, usual_gains("computed_torque")), 6.0)
     entry = desk.uploader.roll_back("bob", "do not like it", 7.0)
     assert (entry.version, entry.who, entry.settings.inputs()) == (3, "bob", ControlSettings().inputs())
     assert desk.port.read_back().inputs() == ControlSettings().inputs()
@@ -206,10 +206,10 @@ def test_settings_that_others_have_changed_are_noticed(desk: UploadingCell) -> N
     assert desk.uploader.version == 2
     assert desk.uploader.settings.gains == HIGHER
     with pytest.raises(Refused, match="expected version 2, got 1"):
-        desk.uploader.upload(Proposal("anna", "", 1, Gains()), 5.0)
+        desk.uploader.upload(Proposal("anna", "", 1, usual_gains("computed_torque")), 5.0)
     again = Uploader(desk.port, desk.history, desk.checker)
     assert again.version == 2
-    desk.port.send_gains(Gains(), 3.0)
+    desk.port.send_gains(usual_gains("computed_torque"), 3.0)
     assert Uploader(desk.port, desk.history, desk.checker).version == 3
 
 
@@ -254,13 +254,15 @@ def test_an_upload_that_a_crash_cut_short_is_old_or_new(desk: UploadingCell, arr
 
 
 def test_what_is_confirmed_is_in_force(desk: UploadingCell) -> None:
-    desk.run(9.0, {3.0: gains(HIGHER), 6.0: lambda uploader, at: desk.port.send_gains(Gains(), 2.0)})
+    desk.run(
+        9.0, {3.0: gains(HIGHER), 6.0: lambda uploader, at: desk.port.send_gains(usual_gains("computed_torque"), 2.0)}
+    )
     trial = desk.uploader.trial
     assert trial is not None
     trial.judged_motion = True
     entry = desk.uploader.observe(14.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     assert entry is not None
-    assert (entry.action, entry.settings.gains) == ("start", Gains())
+    assert (entry.action, entry.settings.gains) == ("start", usual_gains("computed_torque"))
     assert desk.uploader.trial is None
 
 
@@ -268,7 +270,7 @@ def test_an_earlier_version_is_an_upload_if_one_message_can_change_all(desk: Upl
     desk.uploader.upload(Proposal("anna", "", 1, HIGHER, 2.5), 0.0)
     desk.uploader.trial = None
     proposal = desk.uploader.earlier(1, "bob", "it was better", 2)
-    assert (proposal.gains, proposal.target_time, proposal.model) == (Gains(), 2.0, None)
+    assert (proposal.gains, proposal.target_time, proposal.model) == (usual_gains("computed_torque"), 2.0, None)
     entry = desk.uploader.upload(proposal, 1.0)
     assert (entry.version, entry.action, entry.who, entry.why) == (3, "upload", "bob", "it was better")
     assert not ControlSettings().differing(desk.port.read_back())
@@ -297,7 +299,7 @@ def test_proposals_are_one_message(parts: dict[str, object]) -> None:
 
 def test_not_a_number_and_wrong_shapes_never_become_settings() -> None:
     with pytest.raises(ParameterError, match="kp1"):
-        Gains(kp=(float("nan"), 1.0, 1.0))
+        usual_gains("computed_torque", kp=(float("nan"), 1.0, 1.0))
     with pytest.raises(ParameterError, match="mass: expected 3 values"):
         ArmParameters(mass=(0.1, 0.1))  # type: ignore[arg-type]  # the shape is wrong
     with pytest.raises(ParameterError, match="target time"):

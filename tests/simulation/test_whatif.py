@@ -10,12 +10,12 @@ import pytest
 
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.motion import MotionController
-from dtwin.controller.settings import USUAL_GAINS, Compensation, ControlSettings
+from dtwin.controller.settings import USUAL_GAINS, Compensation, ControlSettings, usual_gains
 from dtwin.emulation.emulation import Emulation
 from dtwin.emulation.machine.files import machine_of
 from dtwin.errors import ParameterError
 from dtwin.experiments.simulation.emulated_arm import EmulatedArm
-from dtwin.parameters import HANGING, PERIOD, PLACES, ArmParameters, Gains, Law
+from dtwin.parameters import HANGING, PERIOD, PLACES, ArmParameters, Law
 from dtwin.simulation.whatif import MotionCase, Simulator
 from dtwin.twin.effects import NO_EFFECTS, Effects
 from dtwin.twin.energy import energy
@@ -106,7 +106,11 @@ def test_equal_cases_give_equal_outcomes_whatever_came_before(simulator: Simulat
     case = MotionCase("blue", T4, payload=0.2, noise=0.003, seed=5)
     first = simulator.run(case)
     simulator.run(
-        MotionCase("red", ControlSettings(1.0, Gains(kp=(900.0, 900.0, 900.0)), "row_sum"), omega=(1.0, 2.0, 3.0))
+        MotionCase(
+            "red",
+            ControlSettings(1.0, usual_gains("computed_torque", kp=(900.0, 900.0, 900.0)), "row_sum"),
+            omega=(1.0, 2.0, 3.0),
+        )
     )
     again = Simulator().run(case)
     for one, other in ((first, again), (first, simulator.run(case))):

@@ -141,7 +141,7 @@ def _print(summary: RunSummary, record: Path | None, log: Path | None, earlier: 
         "boxes": f"{boxes.arrived} arrived, {boxes.picked} picked, {boxes.delivered} delivered,"
         f" {boxes.misplaced} misplaced, {boxes.held} held at the end, {boxes.dropped_arrivals} turned away",
         "placement error": f"{errors.max:.2f} mm at most, {errors.mean:.2f} mm on average"
-        if boxes.delivered
+        if errors is not None
         else "no box was delivered",
         "tracking error": f"{worst} rad at most, joints 1 to 3",
         "saturated ticks": str(summary.saturated_ticks),
@@ -153,3 +153,5 @@ def _print(summary: RunSummary, record: Path | None, log: Path | None, earlier: 
         lines["recording"] = f"{record}{replaced}: look at it with `{viewer_command(record)}`"
     for name, text in lines.items():
         print(printable(f"{name:<16}  {text}"))
+    for text in summary.without_effect:
+        print(printable(f"without effect    {text}"))

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from dtwin.controller.embedded import EmbeddedController
-from dtwin.controller.settings import ControlSettings
+from dtwin.controller.settings import ControlSettings, usual_gains
 from dtwin.controller.settings_port import EmbeddedPort
 from dtwin.emulation.machine.sections import IDEAL, Machine
 from dtwin.experiments.report import Picture, Report, page, table
@@ -106,7 +106,9 @@ def upload_run(
     uploader = Uploader(EmbeddedPort(controller), History(history), Checker())
     cell = Cell(settings, WatchedController(controller, uploader))
     planned = {
-        round(GAINS_AT / PERIOD): lambda: Proposal("operator", "better gains", uploader.version, gains=Gains()),
+        round(GAINS_AT / PERIOD): lambda: Proposal(
+            "operator", "better gains", uploader.version, gains=usual_gains("computed_torque")
+        ),
         round(MODEL_AT / PERIOD): lambda: Proposal("operator", "identified model", uploader.version, model=model),
     }
     acknowledged = []

@@ -1,0 +1,55 @@
+"""What was asked of a run and never came to anything, which people should not take for a result."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+from dtwin.controller.settings import Compensation
+from dtwin.emulation.faults import Fault
+from dtwin.logs.log import Log
+from dtwin.parameters import PERIOD
+from dtwin.run.settings import CellSettings
+
+_OF_BOXES: Final = ("payload", "pads", "slip")
+"""Targets of faults that act on a held box alone."""
+
+
+def without_effect(settings: CellSettings, log: Log) -> list[str]:
+    """What had no effect in a run, one sentence each.
+
+    Args:
+        settings: settings of the run.
+        log: its log.
+    """
+    return [*_faults(settings, log), *_options(settings)]
+
+
+def _faults(settings: CellSettings, log: Log) -> Iterator[str]:
+    end = len(log) * PERIOD
+    held = log.held()
+    for fault in settings.faults:
+        if fault.start >= end:
+            yield f"fault {fault}: the run ended before it, at {end:g} s"
+        elif fault.target in _OF_BOXES and not held[_rows(fault, len(log))].any():
+            yield f"fault {fault}: no box was held then"
+
+
+def _rows(fault: Fault, rows: int) -> slice:
+    """The ticks in which a fault holds; what happens at one moment holds in that tick alone."""
+    first = round(fault.start / PERIOD)
+    if fault.target == "slip":
+        return slice(max(first - 1, 0), first + 1)
+    return slice(first, rows if fault.end >= rows * PERIOD else round(fault.end / PERIOD) + 1)
+
+
+def _options(settings: CellSettings) -> Iterator[str]:
+    control, usual = settings.control, Compensation()
+    if control.law != "cascade":
+        for name in ("delay", "dead_zone", "bandwidth"):
+            if (value := getattr(control.compensation, name)) != getattr(usual, name):
+                yield f"{name} {value:g}: only the cascade takes it into account, the law was {control.law}"
+        if any(control.model.coulomb):
+            yield f"friction of the controller's model: only the cascade adds it, the law was {control.law}"
+    if settings.noise_kind != CellSettings.noise_kind and not settings.noise:
+        yield f"noise kind {settings.noise_kind}: the noise was 0"

@@ -1,0 +1,36 @@
+"""What was asked of a run and came to nothing is told at its end."""
+
+from typing import Any
+
+import pytest
+
+from dtwin.controller.settings import Compensation, ControlSettings
+from dtwin.emulation.faults import parse_fault
+from dtwin.run.cell import Cell
+from dtwin.run.settings import CellSettings
+
+EARLIER = ControlSettings(compensation=Compensation(delay=0.005))
+
+
+@pytest.mark.parametrize(
+    ("settings", "expected"),
+    [
+        ({}, []),
+        ({"faults": ("D2*=1.5@0.5",)}, []),
+        ({"faults": ("K2*=0.5@90",)}, ["fault K2*=0.5@90: the run ended before it, at 1 s"]),
+        ({"faults": ("slip@0.5",)}, ["fault slip@0.5: no box was held then"]),
+        ({"faults": ("payload*=2@0",)}, ["fault payload*=2@0: no box was held then"]),
+        (
+            {"control": EARLIER},
+            ["delay 0.005: only the cascade takes it into account, the law was computed_torque"],
+        ),
+        ({"noise_kind": "gaussian"}, ["noise kind gaussian: the noise was 0"]),
+    ],
+)
+def test_what_came_to_nothing_is_told(settings: dict[str, Any], expected: list[str]) -> None:
+    faults = tuple(parse_fault(text) for text in settings.get("faults", ()))
+    cell = Cell(CellSettings(duration=1.0, **{**settings, "faults": faults}))
+    cell.run()
+    summary = cell.summary(cell.log.freeze())
+    assert summary.without_effect == expected
+    assert summary.placement_error_mm is None
