@@ -44,7 +44,7 @@ class EventKind(StrEnum):
     """
 
     ARRIVED = "arrived"
-    DROPPED_ARRIVAL = "dropped_arrival"
+    TURNED_AWAY = "turned_away"
     PICKED = "picked"
     DELIVERED = "delivered"
     MISPLACED = "misplaced"
@@ -90,7 +90,7 @@ class BoxCounts(msgspec.Struct, frozen=True):
 
     Attributes:
         arrived: boxes that came to wait.
-        dropped_arrivals: boxes that were turned away because another one waited.
+        turned_away: boxes that found another one waiting.
         picked: boxes that were gripped.
         delivered: boxes that lie at the place of their colour.
         misplaced: boxes that were lost elsewhere.
@@ -98,7 +98,7 @@ class BoxCounts(msgspec.Struct, frozen=True):
     """
 
     arrived: Count = 0
-    dropped_arrivals: Count = 0
+    turned_away: Count = 0
     picked: Count = 0
     delivered: Count = 0
     misplaced: Count = 0

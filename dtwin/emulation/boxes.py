@@ -124,7 +124,7 @@ class Tally:
         events = self.events
         return BoxCounts(
             events[EventKind.ARRIVED],
-            events[EventKind.DROPPED_ARRIVAL],
+            events[EventKind.TURNED_AWAY],
             events[EventKind.PICKED],
             events[EventKind.DELIVERED],
             events[EventKind.MISPLACED] + events[EventKind.SLIPPED],
@@ -178,7 +178,7 @@ class Boxes:
         box = self._arrivals.take()
         if self.waiting:
             text = f"a {box.colour} box was turned away: a {self.waiting.colour} one is still waiting"
-            return self._tally.count(time, EventKind.DROPPED_ARRIVAL, text)
+            return self._tally.count(time, EventKind.TURNED_AWAY, text)
         self.waiting = box
         return self._tally.count(time, EventKind.ARRIVED, f"a {box.colour} box of {1000 * box.mass:.1f} g arrived")
 

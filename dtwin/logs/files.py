@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import msgspec
 import pyarrow as pa
@@ -15,7 +15,10 @@ import pyarrow.parquet as pq
 from dtwin.errors import RecordingError
 from dtwin.files import reason_of, replacing
 from dtwin.logs.log import COLUMNS, EVENTS_KEY, METADATA_KEY, NUMBERS, ROW_GROUP, schema_of, writer_of
-from dtwin.signals import Event
+from dtwin.signals import Event, EventKind
+
+_RENAMED: Final = {"dropped_arrival": EventKind.TURNED_AWAY}
+"""Kinds of events in older logs, and what they are called now."""
 
 
 def join_logs(parts: Sequence[Path], path: Path, metadata: Mapping[str, Any]) -> None:
@@ -83,7 +86,8 @@ def notes_of(path: Path, schema: pa.Schema) -> tuple[tuple[Event, ...], dict[str
     notes = schema.metadata or {}
     try:
         events = msgspec.json.decode(notes.get(EVENTS_KEY, b"[]"), type=tuple[Event, ...])
-        return events, msgspec.json.decode(notes.get(METADATA_KEY, b"{}"), type=dict[str, Any])
+        named = tuple(Event(e.time, _RENAMED[e.kind], e.text) if e.kind in _RENAMED else e for e in events)
+        return named, msgspec.json.decode(notes.get(METADATA_KEY, b"{}"), type=dict[str, Any])
     except msgspec.MsgspecError as error:
         raise RecordingError(f"{path}: expected events and run metadata as JSON: {error}") from None
 

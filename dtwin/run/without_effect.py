@@ -51,5 +51,5 @@ def _options(settings: CellSettings) -> Iterator[str]:
                 yield f"{name} {value:g}: only the cascade takes it into account, the law was {control.law}"
         if any(control.model.coulomb):
             yield f"friction of the controller's model: only the cascade adds it, the law was {control.law}"
-    if settings.noise_kind != CellSettings.noise_kind and not settings.noise:
+    if settings.noise_kind != "uniform" and not settings.noise:
         yield f"noise kind {settings.noise_kind}: the noise was 0"

@@ -28,7 +28,7 @@ EVENTS: Final = "events"
 
 _LEVELS: Final[Mapping[str, rr.TextLogLevel]] = {
     EventKind.MISPLACED: rr.TextLogLevel.ERROR,
-    EventKind.DROPPED_ARRIVAL: rr.TextLogLevel.WARN,
+    EventKind.TURNED_AWAY: rr.TextLogLevel.WARN,
     EventKind.FAULT: rr.TextLogLevel.WARN,
     EventKind.SAFE: rr.TextLogLevel.WARN,
     EventKind.DIVERGED: rr.TextLogLevel.ERROR,

@@ -70,7 +70,7 @@ def test_stream_does_not_depend_on_what_happens_to_the_boxes() -> None:
         ignored.arrive(0.0)
         served.waiting = None
     assert served.counts.arrived == 50
-    assert (ignored.counts.arrived, ignored.counts.dropped_arrivals) == (1, 49)
+    assert (ignored.counts.arrived, ignored.counts.turned_away) == (1, 49)
 
 
 def test_gripping_and_delivering() -> None:
@@ -146,5 +146,5 @@ def test_every_box_is_accounted_for(actions: list[str], seed: int) -> None:
     assert counts.held == (stream.held is not None)
     assert counts.arrived == counts.picked + (stream.waiting is not None)
     assert counts.picked == counts.delivered + counts.misplaced + counts.held
-    assert counts.arrived + counts.dropped_arrivals == actions.count("arrive")
+    assert counts.arrived + counts.turned_away == actions.count("arrive")
     assert len(stream.placement_errors_mm) == counts.delivered

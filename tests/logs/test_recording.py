@@ -288,3 +288,10 @@ def test_log_is_empty_without_ticks(tmp_path: Path) -> None:
     RunLog().freeze().write_parquet(tmp_path / "empty")
     log = read_log(tmp_path / "empty")
     assert (len(log), log.events, log.metadata) == (0, (), {})
+
+
+def test_events_of_older_logs_have_the_names_of_today(tmp_path: Path) -> None:
+    run = logged(2)
+    run.add_events([Event(0.0, "dropped_arrival", "a red box was turned away"), Event(0.01, "picked", "red")])
+    run.freeze().write_parquet(tmp_path / "old.parquet")
+    assert [event.kind for event in read_log(tmp_path / "old.parquet").events] == ["turned_away", "picked"]

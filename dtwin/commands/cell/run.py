@@ -139,7 +139,7 @@ def _print(summary: RunSummary, record: Path | None, log: Path | None, earlier: 
         "plant time": f"{summary.duration:g} s in {summary.wall_seconds:.2f} s,"
         f" {summary.real_time_factor:.0f} x real time",
         "boxes": f"{boxes.arrived} arrived, {boxes.picked} picked, {boxes.delivered} delivered,"
-        f" {boxes.misplaced} misplaced, {boxes.held} held at the end, {boxes.dropped_arrivals} turned away",
+        f" {boxes.misplaced} misplaced, {boxes.held} held at the end, {boxes.turned_away} turned away",
         "placement error": f"{errors.max:.2f} mm at most, {errors.mean:.2f} mm on average"
         if errors is not None
         else "no box was delivered",

@@ -149,7 +149,7 @@ class ContactBoxes:
         for body in self._bodies:
             if body and body.stage is Stage.COMING:
                 text = f"a {box.colour} box was turned away: a {body.box.colour} one is still on the belt"
-                return self._tally.count(time, EventKind.DROPPED_ARRIVAL, text)
+                return self._tally.count(time, EventKind.TURNED_AWAY, text)
         index = self._free_body()
         self._bodies[index] = BodyState(box, self._entered)
         self._entered += 1

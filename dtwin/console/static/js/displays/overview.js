@@ -55,7 +55,7 @@ export function makeOverview() {
     ]));
     rebuild(boxes, now.boxes, () => now.boxes && figures([
       ["Delivered", now.boxes.delivered], ["Picked", now.boxes.picked], ["Arrived", now.boxes.arrived],
-      ["Misplaced", now.boxes.misplaced], ["Turned away", now.boxes.dropped_arrivals], ["Held", now.boxes.held],
+      ["Misplaced", now.boxes.misplaced], ["Turned away", now.boxes.turned_away], ["Held", now.boxes.held],
     ]));
     rebuild(services, now.services, () => table("What each service says of itself", ["Service", "State", "Rate, 1/s", "Restarts", "Reason"],
       Object.entries(now.services).map(([name, health]) => [name, mark(health.state), short(health.rate_hz, 4), String(health.restarts || ""), health.reason]), [2, 3]));
