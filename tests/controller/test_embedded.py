@@ -70,6 +70,6 @@ def test_gains_belong_to_a_law() -> None:
     assert given == Gains((1.0, 2.0, 3.0), USUAL_GAINS["cascade"].ki, USUAL_GAINS["cascade"].kd)
     assert replace(ControlSettings(gains=given), law="cascade").gains == given
     with pytest.raises(TypeError, match="kp"):
-        usual_gains("computed_torque")  # type: ignore[call-arg]
+        Gains()  # type: ignore[call-arg]
     with pytest.raises(ParameterError, match="law: expected computed_torque, row_sum or cascade, got 'none'"):
         usual_gains("none")  # type: ignore[arg-type]
