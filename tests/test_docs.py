@@ -10,7 +10,7 @@ import pytest
 
 from dtwin.emulation.faults import TARGETS
 from dtwin.emulation.machine.sections import SECTIONS, declared
-from dtwin.logs.log import COLUMNS
+from dtwin.logs.log import COLUMNS, NEEDED
 from dtwin.monitoring.kinds import parse_fault_id
 from dtwin.parameters import PICKUP, PLACES, ROOT, ArmParameters
 
@@ -44,12 +44,22 @@ def test_places() -> None:
         assert [float(cell) for cell in table_row(MODEL, name)] == [place.x, place.y, *place.theta]
 
 
-def test_faults_and_columns_are_listed() -> None:
+def test_faults_are_listed() -> None:
     for target in TARGETS:
         assert parse_fault_id(target).kind in MODEL
-    for column in COLUMNS:
-        stem = re.sub(r"_\d$", "", column)
-        assert re.search(rf"\b{stem}(_1\.\.\d)?\b", MODEL), column
+
+
+def test_columns_of_logs_are_listed_with_what_is_needed() -> None:
+    listed, needed = set(), set()
+    for cells in re.findall(
+        r"^\| (`.*?) \|.*?\|.*?\| (yes)? *\|", (ROOT / "docs" / "logs.md").read_text(), re.MULTILINE
+    ):
+        first, *last = re.findall(r"`(\w+)`", cells[0])
+        names = {f"{first[:-1]}{k}" for k in range(1, int(last[0][-1]) + 1)} if last else {first}
+        listed |= names
+        needed |= names if cells[1] else set()
+    assert listed == set(COLUMNS)
+    assert needed == set(NEEDED)
 
 
 def test_every_effect_of_a_machine_is_explained() -> None:
