@@ -145,6 +145,10 @@ class LiveCell:
     def stop_by_any_way(self, why: str = _WHY, *, who: str | None = None) -> Stopped:
         """Stops the arm as `stop` does, and tells why the first way did not do, if it did not.
 
+        Args:
+            why: reason, for the events.
+            who: name, for the events; None for the login name.
+
         Raises:
             CommunicationError: the arm may not be stopped: nobody answers, or nothing shows the stop.
         """
