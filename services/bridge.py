@@ -24,6 +24,7 @@ import msgspec
 from dtwin.bus.following import Following
 from dtwin.bus.messages import (
     ACTED,
+    ANSWER_BACKLOG,
     EVENTS,
     PATH,
     SENSORS,
@@ -31,6 +32,7 @@ from dtwin.bus.messages import (
     SIGNAL,
     VOLTAGES,
     Acted,
+    BacklogRequest,
     IdentificationSignal,
     Path,
     SettingsInForce,
@@ -38,18 +40,21 @@ from dtwin.bus.messages import (
     SignalRequest,
     State,
 )
+from dtwin.bus.session import Bus, Publisher
 from dtwin.console.people.desk import keep_desk
 from dtwin.controller.device import ControlLoop, Outcome, SafeStop, Settings
 from dtwin.controller.ports import MODEL, OFFSETS, PAYLOAD, TUNING
 from dtwin.controller.sequence import CALLS, SEQUENCES, SequenceName, SequenceSettings
 from dtwin.controller.settings import ControlSettings
-from dtwin.errors import CommunicationError, DtwinError, ParameterError, RecordingError
+from dtwin.errors import CommunicationError, DtwinError, RecordingError
 from dtwin.iec61499.net.address import StreamAddress, parse_stream_address
-from dtwin.parameters import PERIOD, ArmParameters, Gains
+from dtwin.parameters import PERIOD
 from dtwin.run.options import CellFileOption
 from dtwin.services.parts.gate import STALE
+from dtwin.services.parts.missed.backlog import Kept, answers
 from dtwin.services.parts.recent import Backlog, Recent
-from dtwin.services.parts.state_file import StateFile, to_message
+from dtwin.services.parts.state_file import StateFile, changed, to_message
+from dtwin.services.parts.stopping.watchdog import Watchdog
 from dtwin.services.parts.strides import strides
 from dtwin.services.service import Link, Service, main
 from dtwin.services.stops import Stops
@@ -83,13 +88,20 @@ class Options(CellFileOption, Link):
     """Sequence in which boxes are fetched; a controller gets it before it answers a sample."""
     state: FilePath | None = None
     """File of the settings in force; a controller that starts again gets those of this file."""
+    recorded: bool = False
+    """Keep what was published lately for a recorder that comes back."""
+    monitored: float | None = None
+    """Longest time for which the monitor may be silent while the arm is driven, s; then the arm is stopped."""
 
     def run(self) -> int:
         address = parse_stream_address(self.controller)
         state = StateFile(self.state)
         sequence = replace(SEQUENCES[self.sequence], task=self.task())
         with Service(NAME, self) as service:
-            Bridge(service, address, state, self.lossless, sequence).run()
+            bridge = Bridge(service, address, state, self.lossless, sequence, self.monitored)
+            if self.recorded:
+                bridge.keep(service.bus)
+            bridge.run()
         return 0
 
 
@@ -97,7 +109,13 @@ class Bridge:
     """Answers samples while there is a controller, and looks for one while there is none."""
 
     def __init__(
-        self, service: Service, address: StreamAddress, state: StateFile, lossless: bool, sequence: SequenceSettings
+        self,
+        service: Service,
+        address: StreamAddress,
+        state: StateFile,
+        lossless: bool,
+        sequence: SequenceSettings,
+        monitored: float | None = None,
     ) -> None:
         bus = service.bus
         self._service = service
@@ -118,8 +136,8 @@ class Bridge:
         self._limp_at = -1
         self._restart = False
         self._answered = 0
-        self._publish = bus.publisher(VOLTAGES, lossless=lossless)
-        self._publish_path = bus.publisher(PATH, lossless=lossless)
+        self._publish: Publisher | Kept = bus.publisher(VOLTAGES, lossless=lossless)
+        self._publish_path: Publisher | Kept = bus.publisher(PATH, lossless=lossless)
         self._tell = bus.publisher(EVENTS)
         bus.subscribe(SENSORS, Sensors, Following(self._hear, bus.refuse))
         bus.subscribe(EVENTS, Event, self._note)
@@ -129,6 +147,7 @@ class Bridge:
         bus.answer(SIGNAL, SignalRequest, self._play, self._signal)
         keep_desk(bus)
         self._stops = Stops(bus, self._publish.sender, self._safe_stop, self._time)
+        self._watchdog = None if monitored is None else Watchdog(bus, monitored, self._stops.demand)
 
     def run(self) -> None:
         """Works until it is asked to end."""
@@ -147,6 +166,11 @@ class Bridge:
                 self._report()
         if self._controller is not None:
             self._controller.close()
+
+    def keep(self, bus: Bus) -> None:
+        """Keeps what is published from now on for a while, for who asks for it."""
+        self._publish, self._publish_path = kept = Kept(self._publish), Kept(self._publish_path)
+        bus.answer(ANSWER_BACKLOG, BacklogRequest, lambda asked: answers(asked, *kept))
 
     def _serve(self, sensors: Sensors) -> None:
         with self._stops.answering:
@@ -348,7 +372,7 @@ class Bridge:
             return action(controller)
 
     def _change(self, settings: Settings, asked: SettingsRequest) -> ControlSettings:
-        found = _changed(settings, asked)
+        found = changed(settings, asked)
         self._keep(found)
         return found
 
@@ -362,33 +386,16 @@ class Bridge:
         if not self._state.saved:
             with contextlib.suppress(RecordingError):
                 self._state.save()
-        state: State = "stopped" if self._stops.stop != "none" else "running"
+        stopped = self._stops.stop != "none"
+        if self._watchdog is not None:
+            self._watchdog.look(self._time(), self._answered, stopped, time.monotonic())
+        state: State = "stopped" if stopped else "running"
         self._service.report(
             state if self._controller is not None and self._stops.known else "waiting",
             self._answered,
             time=self._time(),
             late_ticks=self._backlog.skipped,
         )
-
-
-def _changed(settings: Settings, asked: SettingsRequest) -> ControlSettings:
-    """What is in force after a change.
-
-    Raises:
-        ParameterError: a value is out of range, or it is not one message that is asked for.
-    """
-    match asked:
-        case SettingsRequest(Gains() as gains, float(target_time), None, None, None):
-            return settings.set_tuning(gains, target_time)
-        case SettingsRequest(None, None, ArmParameters() as model, None, None):
-            return settings.set_model(model)
-        case SettingsRequest(None, None, None, float(payload), None):
-            return settings.set_payload(payload)
-        case SettingsRequest(None, None, None, None, tuple(offsets)):
-            return settings.set_offsets(offsets)
-    raise ParameterError(
-        "settings: expected gains and target time together, or a model, a payload or encoder offsets alone"
-    )
 
 
 if __name__ == "__main__":

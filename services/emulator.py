@@ -25,11 +25,13 @@ from dtwin.bus.messages import (
     FAULT,
     LATCH,
     RESET,
+    SAMPLE_BACKLOG,
     SENSORS,
     TICKS,
     TRUTH,
     VOLTAGES,
     Acted,
+    BacklogRequest,
     Done,
     FaultRequest,
     LatchRequest,
@@ -38,6 +40,7 @@ from dtwin.bus.messages import (
     State,
 )
 from dtwin.bus.passed import Passed
+from dtwin.bus.session import Publisher
 from dtwin.errors import CommunicationError, DivergenceError, DtwinError
 from dtwin.parameters import PERIOD
 from dtwin.run.loop import tick_count
@@ -45,6 +48,7 @@ from dtwin.run.options import PlantOptions
 from dtwin.services.parts.gate import STALE, Gate
 from dtwin.services.parts.journaled import JournaledCell
 from dtwin.services.parts.latencies import Latencies
+from dtwin.services.parts.missed.backlog import Kept, samples
 from dtwin.services.parts.pace import Pace
 from dtwin.services.parts.revival import revive
 from dtwin.services.service import Link, Service, main
@@ -75,6 +79,8 @@ class Options(PlantOptions, Link):
     """Plant time after which the run ends, s; without it, it never ends."""
     stale: float = STALE
     """Time without a command, in real time, after which the arm gets 0 V, s."""
+    recorded: bool = False
+    """Keep what was published lately for a recorder that comes back."""
     journal: Path | None = None
     """File of commands and faults; a killed emulator that finds its own goes on where it was."""
 
@@ -86,7 +92,7 @@ class Options(PlantOptions, Link):
         else:
             cell, trouble = revive(settings, self.journal)
         with Service(NAME, self) as service:
-            whole = Emulator(service, cell, self.pace, self.stale, trouble).run(ticks)
+            whole = Emulator(service, cell, self.pace, self.stale, trouble, self.recorded).run(ticks)
         return 0 if whole else ASKED_TO_END
 
 
@@ -99,9 +105,18 @@ class Emulator:
         pace: how long a tick waits for its command.
         stale: time without a command, in real time, after which the arm gets 0 V, s.
         trouble: What was wrong with the journal, "" for nothing.
+        recorded: whether what was published lately is kept.
     """
 
-    def __init__(self, service: Service, cell: JournaledCell, pace: Pace, stale: float, trouble: str = "") -> None:
+    def __init__(
+        self,
+        service: Service,
+        cell: JournaledCell,
+        pace: Pace,
+        stale: float,
+        trouble: str = "",
+        recorded: bool = False,
+    ) -> None:
         bus = service.bus
         self._service = service
         self._cell = cell
@@ -121,9 +136,14 @@ class Emulator:
         self._began: tuple[float, float] | None = None
         # A recorder must see every tick of a lockstep run, even if that slows the run down.
         lossless = pace != "realtime"
-        self._publish_sensors: Callable[[Sensors], None] = bus.publisher(SENSORS, lossless=lossless)
-        self._publish_acted: Callable[[Acted], None] = bus.publisher(ACTED, lossless=lossless)
-        self._publish_truth = bus.publisher(TRUTH, lossless=lossless)
+        sensors, acted, truth = (bus.publisher(topic, lossless=lossless) for topic in (SENSORS, ACTED, TRUTH))
+        self._publish_sensors: Callable[[Sensors], None] = sensors
+        self._publish_acted: Callable[[Acted], None] = acted
+        self._publish_truth: Publisher | Kept = truth
+        if recorded:
+            kept = Kept(sensors), Kept(truth), Kept(acted)
+            self._publish_sensors, self._publish_truth, self._publish_acted = kept
+            bus.answer(SAMPLE_BACKLOG, BacklogRequest, lambda asked: samples(asked, *kept))
         self._publish_ticks = bus.publisher(TICKS, lossless=lossless)
         self._passed = Passed(self._publish_ticks)
         self._publish_event: Callable[[Event], None] = bus.publisher(EVENTS, lossless=lossless)

@@ -7,7 +7,6 @@ process that ends again; tests/test_imports.py says what must not be loaded here
 from __future__ import annotations
 
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -22,6 +21,7 @@ from typing import Final
 
 import msgspec
 
+from dtwin.bus.messages import Summary
 from dtwin.bus.opening import has_certificates, open_configured, open_peer
 from dtwin.bus.session import Bus
 from dtwin.bus.signature import new_key
@@ -42,6 +42,7 @@ from dtwin.services.parts.fence import fence_warning
 from dtwin.services.parts.journal import carry_over
 from dtwin.services.parts.pace import Pace
 from dtwin.services.parts.part_files import discard_markers, discard_parts
+from dtwin.services.parts.stopping.watchdog import ALARM as ALARMING
 from dtwin.services.runfile import OPERATOR, SUPERVISOR, RunFile
 from dtwin.services.service import current_processor, free_port, held_port
 from dtwin.services.supervisor import Program, Supervisor
@@ -55,7 +56,8 @@ ALARMS: Final = Path("console-alarms.jsonl")
 MANAGEMENT: Final = 61499
 """Port of device management, here the name of a socket."""
 READY_TIMEOUT: Final = 120.0
-"""Time in which all services must be ready, s; after an update compiled code is made anew, which takes a while."""
+"""Time in which services that are not ready must have got on, s; code that is compiled anew takes a while."""
+SILENCE: Final = 10.0  # s: more than a new monitor takes to start on a quiet machine
 LOOK: Final = 0.1
 """Time between two looks at the processes, s."""
 
@@ -91,6 +93,9 @@ class CellOptions(PlantOptions, ControlOptions):
     """Record of the healthy arm that `dtwin commission` wrote, for monitoring, instead of a model."""
     safe_stop: bool = False
     """Let the monitoring service ask the function blocks to stop the arm when a failure is confirmed."""
+    silence: float = SILENCE
+    """With --safe-stop: longest time for which the monitoring service may be silent while the arm moves, s; then the
+    bridge stops the arm."""
     simulation: bool = False
     """Start the simulation service too, which checks, uploads and watches new settings (dtwin upload, gains set)."""
     history: Path = HISTORY
@@ -124,6 +129,8 @@ class CellOptions(PlantOptions, ControlOptions):
             self.model_file()
         if self.safe_stop and not self.monitoring:
             raise ParameterError("--safe-stop: expected --monitoring too, whose verdicts stop the arm")
+        if not ALARMING < self.silence < float("inf"):
+            raise ParameterError(f"--silence {self.silence:g}: expected a time above {ALARMING:g} s")
         if self.commissioned is not None and (self.model is not None or not self.monitoring):
             raise ParameterError("--commissioned: expected --monitoring too, and no --model beside it")
         scheme = self.controller.partition("://")[0]
@@ -196,12 +203,18 @@ class CellOptions(PlantOptions, ControlOptions):
         cell = arguments(self, CellFileOption)
         sequence = ["--sequence", sequence_name(self.settings())]
         bridge += [*sequence, *cell]
+        if self.safe_stop:
+            # The arm does not move before it is watched.
+            bridge += ["--monitored", str(self.silence), "--wait-for", "monitoring"]
         emulator = ["--pace", self.pace, *turns, "--journal", str(runfile.journal_of(file))]
         emulator += arguments(self, PlantOptions)
         emulator += [] if self.duration is None else ["--duration", str(self.duration)]
         if self.log or self.record or self.viewer != "none":
             programs.append(_service("recorder", [*link, *lossless, *self._recorder_options(ports)]))
             bridge += ["--wait-for", "recorder"]
+        if self.log:
+            bridge += ["--recorded"]
+            emulator += ["--recorded"]
         programs.append(_service("bridge", [*link, *bridge]))
         model = ["--model", str(self.model_file())] if self.model else []
         if self.identification:
@@ -291,15 +304,22 @@ class Launched:
     up: runfile.Up
     _file: RunFile
 
-    def await_ready(self) -> None:
-        """Waits for all services, and says so in the run file.
+    def await_ready(self, show: Callable[[Summary], None] = lambda summary: None) -> None:
+        """Waits for all services, as long as they get on, and says in the run file how far they are.
+
+        Args:
+            show: is told how the cell does.
 
         Raises:
-            CommunicationError: a service cannot start, or takes too long.
+            CommunicationError: a service cannot start, or has not got on for too long.
         """
-        deadline = time.monotonic() + READY_TIMEOUT
+        deadline, before = time.monotonic() + READY_TIMEOUT, ""
         while not (self.supervisor.ready or self.supervisor.finished or self.stop.wait(LOOK)):
             self.supervisor.look()
+            show(self.supervisor.summary())
+            if (progress := self.supervisor.progress) != before:
+                deadline, before = time.monotonic() + READY_TIMEOUT, progress
+                self._file.write(msgspec.structs.replace(self.up, progress=progress))
             if time.monotonic() > deadline:
                 raise CommunicationError(f"not ready after {READY_TIMEOUT:g} s: {self.supervisor.missing()}")
         self._file.write(msgspec.structs.replace(self.up, ready=True))
@@ -326,7 +346,7 @@ def launched(options: CellOptions) -> Iterator[Launched]:
         options.bus(meet, key) as bus,
         _signals(signal.default_int_handler),
         RunFile(options.cell) as file,
-        _own_folder(runfile.sockets_of(file.path)),
+        runfile.own_folder(runfile.sockets_of(file.path)),
         held_port() as console,
     ):
         file.write_key(key)
@@ -364,17 +384,6 @@ def launched(options: CellOptions) -> Iterator[Launched]:
                     discard_markers(options.marked)
         journal.unlink(missing_ok=True)
         state.unlink(missing_ok=True)
-
-
-@contextmanager
-def _own_folder(path: Path) -> Iterator[None]:
-    """An empty folder that only this user may enter, and that is gone afterwards."""
-    shutil.rmtree(path, ignore_errors=True)
-    path.mkdir(mode=0o700)
-    try:
-        yield
-    finally:
-        shutil.rmtree(path, ignore_errors=True)
 
 
 def _service(name: str, options: list[str], leading: bool = False) -> Program:

@@ -32,6 +32,7 @@ from dtwin.bus.messages import (
     WATCH,
     Acted,
     PassedTicks,
+    State,
 )
 from dtwin.bus.passed import Prompt
 from dtwin.bus.ticks import Tick
@@ -48,11 +49,13 @@ from dtwin.identification.model import read_model
 from dtwin.monitoring.estimation.belief import Belief, assumed, commissioned, identified
 from dtwin.monitoring.estimation.tuning import tuning_for
 from dtwin.monitoring.monitor import Monitor
+from dtwin.monitoring.readiness.rehearsal import Rehearsal
 from dtwin.monitoring.settings import ALARMS_PER_HOUR, MonitorSettings
 from dtwin.monitoring.tracking.samples import Samples
 from dtwin.parameters import ArmParameters, Triple
 from dtwin.run.options import CellFileOption
-from dtwin.services.parts.demands import Demands
+from dtwin.services.parts.readiness.preparation import prepare
+from dtwin.services.parts.stopping.demands import Demands
 from dtwin.services.service import Link, Service, main
 from dtwin.signals import MONITOR, Event, EventKind, Sensors, Voltages
 
@@ -63,8 +66,8 @@ UNHEARD: Final[Triple] = (0.0, 0.0, 0.0)
 """rad: without a model the monitor judges the noise by the readings alone"""
 RESIDUAL_EVERY: Final = 2 * TOGETHER
 """ticks, a multiple of those that are told together"""
-VERDICT_EVERY: Final = 20 * TOGETHER
-"""ticks, such a multiple too"""
+VERDICT_EVERY: Final = 10 * TOGETHER
+"""Ticks, such a multiple too: twice in the time for which a verdict counts."""
 PATIENCE: Final = 4.0
 """s that a query waits for the main thread"""
 
@@ -85,8 +88,8 @@ class Options(CellFileOption, Link):
     def run(self) -> int:
         belief = self._belief()
         settings = MonitorSettings(alarms_per_hour=self.alarms_per_hour, tuning=tuning_for(self.task().boxes))
-        warm_up(belief)
         with Service(NAME, self) as service:
+            prepare(service, Rehearsal(belief, settings).parts())
             demands = Demands(service.bus) if self.safe_stop else None
             Monitoring(service, lambda: Monitor(belief, settings), self._words(), demands).run()
         return 0
@@ -154,8 +157,8 @@ class Monitoring:
             elif isinstance(item, WatchRequest):
                 self._change(item)
             if service.report_due() or (done and not before):
-                working = done and self._running
-                service.report("running" if working else "waiting", done, time=self._time)
+                state: State = "off" if not self._running else "running" if done else "waiting"
+                service.report(state, done, time=self._time)
 
     def _ask(self, request: AcknowledgeRequest | None) -> MonitoringVerdict:
         """Answers on Zenoh's thread; the monitor is the main thread's."""
@@ -257,13 +260,6 @@ def residuals(sequence: int, theta: Triple, monitor: Monitor) -> MonitoringResid
         monitor.statistic,
         monitor.threshold,
     )
-
-
-def warm_up(belief: Belief) -> None:
-    """Loads all that is compiled, so that the first samples need not wait for it; three samples call it."""
-    monitor = Monitor(belief)
-    for sample in range(3):
-        monitor.update(sample, np.zeros(3), np.zeros(4), False)
 
 
 if __name__ == "__main__":

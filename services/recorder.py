@@ -20,14 +20,18 @@ import msgspec
 from dtwin.bus.following import Following
 from dtwin.bus.messages import ACTED, EVENTS, MONITORING, PATH, RESIDUALS, SENSORS, TRUTH, VOLTAGES, Acted, State
 from dtwin.bus.messages import Path as PathAngles
+from dtwin.bus.session import Bus
 from dtwin.bus.twin_messages import MonitoringResiduals, MonitoringVerdict
+from dtwin.bus.verdicts.opinion import Opinion, is_known
 from dtwin.errors import NoSpaceError, ParameterError, RecordingError
 from dtwin.logs.collecting import RunLog
 from dtwin.logs.log import Log
-from dtwin.parameters import ArmParameters
+from dtwin.parameters import PERIOD, ArmParameters
 from dtwin.run.options import ArmOptions
 from dtwin.services.parts.log_parts import Parts
-from dtwin.services.parts.part_files import begin, begun, discard_parts, numbered
+from dtwin.services.parts.missed.catching_up import catch_up
+from dtwin.services.parts.part_files import begin, discard_parts, first_recording, numbered
+from dtwin.services.parts.readiness.ghost import believed, prepare_ghost
 from dtwin.services.parts.rows import LOSSLESS_PATIENCE, PATIENCE, Rows
 from dtwin.services.service import Link, Service, main
 from dtwin.signals import Event, EventKind, Sensors, StepRecord, Truth, Voltages
@@ -48,6 +52,8 @@ LAST_DRAWING: Final = 2.0
 """Longest time for which the rest is drawn at the end, s."""
 RECORDINGS: Final = 50
 """Number of recordings of one run; every reset of the cell begins another one."""
+REPEATED: Final = 60.0
+"""s after which a trouble that lasts is logged again"""
 QUIET: Final = 0.3
 """s without a message after which nothing more is on its way at the end"""
 LAST_MESSAGES: Final = 2.0
@@ -88,6 +94,8 @@ class Options(ArmOptions, Link):
             raise ParameterError(f"--notes: expected a JSON object: {error}") from None
         arm = self.made()
         with Service(NAME, self) as service:
+            if self.record is not None or self.viewer != "none":
+                prepare_ghost(service, self.commissioned, notes)
             recorder = Recorder(self, notes, arm, service.bus.publisher(EVENTS))
             try:
                 recorder.listen(service)
@@ -120,7 +128,7 @@ class Recorder:
         self._options = options
         self._notes = notes
         self._arm = arm
-        self._runs = _first_recording(options)
+        self._runs = first_recording(options.log, options.record, options.resumable)
         self._ticks = 0
         self._over = False
         self._run_log = RunLog()
@@ -132,10 +140,13 @@ class Recorder:
         kind = options.viewer
         self._viewer = ViewerProcess(kind, options.ports) if kind != "none" else None
         self._time = 0.0
+        self._caught: dict[int, Sensors] = {}
+        self._opinion, self._known = Opinion(), True
         self._residuals: list[MonitoringResiduals] = []
         self._verdicts: list[MonitoringVerdict] = []
         self._undrawn: int | None = None
         self._unready = False
+        self._said, self._trouble = 0.0, ""
         if options.log is not None and self._runs > 1:
             Parts(numbered(options.log, self._runs - 1)).finish(notes)  # A kill may have come while it was written.
         self._begin()
@@ -146,7 +157,7 @@ class Recorder:
         self._tell = bus.publisher(EVENTS)
         take = service.inbox.put
         rows = self.rows
-        following = Following(lambda message: take((rows.sensors, message)), bus.refuse)
+        following = Following(lambda message: take((self._take_sensors, message)), bus.refuse)
         bus.subscribe(SENSORS, Sensors, following)
         bus.subscribe(TRUTH, Truth, lambda message: take((rows.truth, message)))
         bus.subscribe(VOLTAGES, Voltages, lambda message: take((rows.answer, message)))
@@ -159,11 +170,13 @@ class Recorder:
 
     def run(self, service: Service) -> None:
         """Records until it is asked to end, and what was on its way then."""
+        self._catch_up(service.bus)
         service.ready()
         due = time.monotonic() + FLUSH
         while not service.stopping:
             self._deal_with(service.next(due - time.monotonic()))
             if time.monotonic() >= due:
+                self._judge(time.monotonic())
                 self.keep()
                 due = time.monotonic() + FLUSH
             if service.report_due():
@@ -187,6 +200,17 @@ class Recorder:
             receive, message = item
             receive(message, time.monotonic())
 
+    def _catch_up(self, bus: Bus) -> None:
+        """Asks for what passed since the last row that an earlier recorder has kept."""
+        if self._parts is not None and self._parts.last > -math.inf:
+            since = round(self._parts.last / PERIOD) + 1
+            self._caught = catch_up(bus, self.rows, since, time.monotonic())
+
+    def _take_sensors(self, sample: Sensors, now: float) -> None:
+        """Takes a sample, unless it was caught up with before it came."""
+        if self._caught.pop(sample.sequence, None) != sample:
+            self.rows.sensors(sample, now)
+
     def take_event(self, event: Event, now: float) -> None:
         """Takes an event."""
         if not self._over:
@@ -196,12 +220,22 @@ class Recorder:
         self._residuals.append(message)
 
     def _take_verdict(self, message: MonitoringVerdict, now: float) -> None:
+        self._opinion.take(message, now)
         self._verdicts.append(message)
 
     def _add_row(self, record: StepRecord) -> None:
         self._run_log.append(record)
         self._time = record.sensors.time
         self._ticks += 1
+
+    def _judge(self, now: float) -> None:
+        """Lets the recording show that the last verdict counts no more."""
+        self._opinion.sample(self._time, now)
+        verdict = self._opinion.current(now)
+        known = is_known(verdict)
+        if self._options.monitored and self._known and not known:
+            self._verdicts.append(verdict)
+        self._known = known
 
     def keep(self) -> None:
         """Keeps what has come since the last time, and draws it."""
@@ -242,8 +276,8 @@ class Recorder:
             self._begin_another()
         elif first == last:
             part = part.part(1, len(part))
-        elif last > -math.inf:
-            log.warning("goes on with a log that ends at %.2f s; %.2f s are missing", last, first - last)
+        elif last > -math.inf and (missing := first - last - PERIOD) > 0.5 * PERIOD:
+            log.warning("goes on with a log that ends at %.2f s; %.2f s are missing", last, missing)
         self._joined = True
         self._undrawn = 0 if first >= last > -math.inf else None
         return part
@@ -291,7 +325,7 @@ class Recorder:
         sparse = file is None and options.viewer == "web" and not has_gpu()
         detail: Detail | Literal["sparse"] = "sparse" if sparse else options.detail
         url = "" if self._viewer is None else options.ports.data_url
-        ghost = self._believed = self._believed or _believed(options.commissioned, self._notes)
+        ghost = self._believed = self._believed or believed(options.commissioned, self._notes)
         try:
             self._view = LiveView(
                 options.mjcf, self._arm, file, url, options.monitored, detail, options.task(), ghost
@@ -345,35 +379,21 @@ class Recorder:
             self._unready = True
             self._announce(f"{text}; what the log holds is drawn when there is room")
 
+    def _repeat(self, now: float) -> None:
+        """Says again that there is no room, so that it stays the last error."""
+        if now >= self._said + REPEATED:
+            self._said = now
+            log.warning("%s", self._trouble)
+
     def _announce(self, text: str) -> None:
+        self._said, self._trouble = time.monotonic(), text
         log.warning("%s", text)
         self._tell(Event(self._time, EventKind.DISK, text[:1000]))
 
     def _report(self, service: Service, state: State) -> None:
+        if self._unready or (self._parts is not None and self._parts.waiting):
+            self._repeat(time.monotonic())
         service.report(state, self._ticks, time=self._time, late_ticks=self.rows.late)
-
-
-def _first_recording(options: Options) -> int:
-    """Number of the recording that a new recorder goes on with, or begins because no log holds the rows before."""
-    if options.resumable and options.log is not None:
-        return max(begun(options.log), 1)
-    if options.resumable and options.record is not None:
-        return begun(options.record) + 1
-    return 1
-
-
-def _believed(record: Path | None, notes: dict[str, Any]) -> BelievedArm:
-    """The arm that the ghost is.
-
-    Raises:
-        ModelError: the record is none, or the notes are not those of a run.
-    """
-    # These load what compiles the twin, which a log alone does not need.
-    from dtwin.identification.machine.record import read_record
-    from dtwin.monitoring.estimation.belief import believed_arm, commissioned
-    from dtwin.run.prediction import believed_by_controller
-
-    return believed_by_controller(notes) if record is None else believed_arm(commissioned(read_record(record)))
 
 
 if __name__ == "__main__":

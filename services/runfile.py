@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import fcntl
 import os
+import shutil
 import stat
 import tempfile
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
 from typing import IO, Final, Literal
@@ -25,11 +28,17 @@ SUPERVISOR: Final = "supervisor"
 """Name of the configuration file of `dtwin up`, where it is another one."""
 
 
+_LOOKS: Final = 3
+"""Number of looks at a file that may be written just now."""
+_PAUSE: Final = 0.01
+"""s between two looks"""
+
+
 class Up(msgspec.Struct, frozen=True):
     """A cell that is up: its supervisor's process, how to join its bus, where its controller is managed, whether all
-    services were ready, the page that shows it, if any, the page of its operators, if any, and what its user was
-    warned of, if anything, the files of its settings' history and of its identified models, and the file of the cell,
-    if one was given."""
+    services were ready, the page that shows it, if any, the page of its operators, if any, what its user was warned
+    of, if anything, the files of its settings' history and of its identified models, the file of the cell, if one was
+    given, and how far the services are that are not ready."""
 
     pid: int
     arm: str
@@ -43,6 +52,7 @@ class Up(msgspec.Struct, frozen=True):
     history: str = ""
     store: str = ""
     cell_file: str = ""
+    progress: str = ""
 
 
 def folder() -> Path:
@@ -101,15 +111,20 @@ def find(cell: str) -> Up | None:
 
     What a killed cell has left is in the file until the next one, which holds it already, says where it is.
     """
-    try:
-        with _path(cell).open() as file:
-            if _lock(file):
-                return None
-            up = msgspec.json.decode(file.read(), type=Up)
-        os.kill(up.pid, 0)
-    except (OSError, msgspec.MsgspecError):
-        return None
-    return up
+    for _ in range(_LOOKS):
+        try:
+            with _path(cell).open() as file:
+                if _lock(file):
+                    return None
+                up = msgspec.json.decode(file.read(), type=Up)
+            os.kill(up.pid, 0)
+        except OSError:
+            return None
+        except msgspec.MsgspecError:
+            time.sleep(_PAUSE)
+        else:
+            return up
+    return None
 
 
 def require(cell: str) -> Up:
@@ -224,3 +239,14 @@ def sockets_of(file: Path) -> Path:
 def state_of(file: Path) -> Path:
     """The file beside the cell's run file in which the bridge keeps the settings in force."""
     return file.with_suffix(".settings")
+
+
+@contextmanager
+def own_folder(path: Path) -> Iterator[None]:
+    """An empty folder that only this user may enter, and that is gone afterwards."""
+    shutil.rmtree(path, ignore_errors=True)
+    path.mkdir(mode=0o700)
+    try:
+        yield
+    finally:
+        shutil.rmtree(path, ignore_errors=True)

@@ -17,6 +17,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from queue import Empty, SimpleQueue
@@ -44,6 +45,8 @@ _ONE_THREAD: Final = (
 )
 """Zenoh's runtimes in one thread: by default the one that finds a message at a socket wakes another one to read it,
 which costs more than it gains where messages are few and small."""
+OVER: Final = 120.0
+"""Time in which a service works well after which its last error is over, s; trouble that lasts is said again."""
 GRACE: Final = 5.0
 """s to end in after the parent has gone"""
 _PORTS: Final = range(20_000, 32_000)
@@ -95,6 +98,7 @@ class Service:
         bus: joined.
         inbox: what the main thread is to deal with; None asks it to end.
         stopping: whether it was asked to end.
+        doing: what it does before it is ready, "" for nothing in particular.
 
     Raises:
         CommunicationError: the bus cannot be joined.
@@ -104,6 +108,8 @@ class Service:
         self.name = name
         self.inbox: SimpleQueue[Any] = SimpleQueue()
         self.stopping = False
+        self.doing = ""
+        self._may_interrupt = False
         self._wake = wake
         self._woken = threading.Event()
         self._last_error = _LastError()
@@ -145,9 +151,19 @@ class Service:
             self.bus.watch_alive(lambda name, alive: here.add(name) if alive else here.discard(name))
             while not (self.stopping or self._awaited <= here):
                 self._pause()
+        self._last_error.text = ""  # What went wrong on the way here is over.
         self.bus.announce(self.name)
         gc.collect()
         gc.freeze()
+
+    @contextmanager
+    def interruptible(self) -> Iterator[None]:
+        """Lets a signal that asks the service to end interrupt what is done meanwhile, with KeyboardInterrupt."""
+        self._may_interrupt = True
+        try:
+            yield
+        finally:
+            self._may_interrupt = False
 
     def next(self, timeout: float) -> Any:
         """What comes next into the inbox; None after `timeout` s, and when the service shall end."""
@@ -182,7 +198,8 @@ class Service:
                 round(max(rate, 0.0), 3),
                 ticks,
                 refused=dict(self.bus.refused),
-                last_error=self._last_error.text[:1000],
+                last_error=self._last_error.now(state == "running")[:1000],
+                doing=self.doing[:1000],
                 **figures,
             )
         )
@@ -193,6 +210,8 @@ class Service:
         self.inbox.put(None)
         if self._wake is not None:
             self._wake()
+        if self._may_interrupt:
+            raise KeyboardInterrupt
 
 
 class Runnable(Protocol):
@@ -254,7 +273,7 @@ def free_port() -> int:
         return _number(probe)
 
 
-@contextlib.contextmanager
+@contextmanager
 def held_port() -> Iterator[int]:
     """A TCP port of the loopback interface that stays this process's own until the end.
 
@@ -285,14 +304,21 @@ def _number(bound: socket.socket) -> int:
 
 
 class _LastError(logging.Handler):
-    """Remembers the last thing that went wrong."""
+    """Remembers the last thing that went wrong, until it is over: after OVER s in which nothing else did."""
 
     def __init__(self) -> None:
         super().__init__(logging.WARNING)
         self.text = ""
+        self._since = 0.0
 
     def emit(self, record: logging.LogRecord) -> None:
-        self.text = " ".join(record.getMessage().split())
+        self.text, self._since = " ".join(record.getMessage().split()), time.monotonic()
+
+    def now(self, well: bool) -> str:
+        """What counts as the last error of a service that is well, or is not."""
+        if well and time.monotonic() - self._since > OVER:
+            self.text = ""
+        return self.text
 
 
 def cell_key() -> bytes | None:

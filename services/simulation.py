@@ -12,6 +12,7 @@ import sys
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -49,6 +50,7 @@ from dtwin.errors import CommunicationError, DtwinError, ParameterError
 from dtwin.identification.machine.record import MachineRecord, read_record
 from dtwin.parameters import ArmParameters, Gains, Triple
 from dtwin.run.options import CellFileOption
+from dtwin.services.parts.readiness.preparation import prepare
 from dtwin.services.parts.state_file import from_message
 from dtwin.services.service import Link, Service, main
 from dtwin.signals import Event, EventKind, Sensors
@@ -153,6 +155,7 @@ class Simulation:
     def run(self) -> None:
         """Works until it is asked to end."""
         service = self._service
+        prepare(service, [("the checks of uploads", self._checker.load)])
         uploader: Uploader | None = None
         while uploader is None and not service.stopping:
             try:
@@ -163,9 +166,8 @@ class Simulation:
             if service.report_due():
                 service.report("waiting")
         if uploader is not None:
-            loading = threading.Event()
-            threading.Thread(target=self._load, args=(uploader, loading), name="load").start()
-            loading.wait()
+            prepare(service, [("what the arm may lack", partial(self._tolerate, uploader))])
+            self._uploader = uploader
         self._follow()
         service.ready()
         while not service.stopping:
@@ -186,26 +188,15 @@ class Simulation:
             if service.report_due():
                 service.report("running", self._done, time=self._time)
 
-    def _load(self, uploader: Uploader, loading: threading.Event) -> None:
-        """Loads what uploads are checked with, which takes longer than all the rest; uploads wait for it.
-
-        There is nobody to upload with before it has begun: an upload that comes at once would find what an arm may
-        lack not known yet, and be refused.
-        """
-        with self._lock:
-            self._uploader = uploader
-            loading.set()
-            try:
-                self._checker.load()
-                self._tolerate(uploader)
-            except DtwinError as error:
-                log.error("%s", error)
-
     def _tolerate(self, uploader: Uploader) -> None:
         """Demands less of an arm of which the record says that no settings have the demanded margins."""
         if self._record is None:
             return
-        share = tolerated(self._record, uploader.settings.law, self._checker)
+        try:
+            share = tolerated(self._record, uploader.settings.law, self._checker)
+        except DtwinError as error:
+            log.error("%s", error)
+            return
         log.info("uploads have to keep %.0f %% of the demanded margins", 100.0 * share)
 
     def _judge(self, sensors: Sensors, path: PathAngles) -> None:

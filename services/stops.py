@@ -64,6 +64,7 @@ class Stops:
         self._number = 0
         self._lock = threading.Lock()
         self._wake = threading.Event()
+        self._demanded: StopRequest | None = None
         self._tell: Callable[[Event], None] = bus.publisher(EVENTS)
         threading.Thread(target=self._follow, name="safe stop", daemon=True).start()
         bus.watch_alive(self._note_token, LATCH.sender)
@@ -78,6 +79,11 @@ class Stops:
         """The blocks tell of their stop; one that they have decided on by themselves is latched and told, too."""
         if stop != "none" and self.stop == "none":
             self._wake.set()
+
+    def demand(self, asked: StopRequest) -> None:
+        """Judges by a request on the thread of the safe stop, again and again until the blocks have answered."""
+        self._demanded = asked
+        self._wake.set()
 
     def remind(self) -> bool:
         """Takes the torque off in blocks that may have forgotten a stop; returns whether samples may be answered."""
@@ -154,14 +160,20 @@ class Stops:
                 pause.wait(LOOK)
 
     def _look(self) -> bool:
-        """Whether a stop is in force, or was when the controller could last be asked."""
+        """Whether a stop is in force, or was when the controller could last be asked, or is demanded."""
+        if (asked := self._demanded) is not None:
+            try:
+                self._judge(asked)
+                self._demanded = None
+            except CommunicationError as error:
+                log.warning("%s", error)
         with self._lock:
             try:
                 self._remind()
                 self._note(self._now(), OWN if self.stop == "none" else "")
             except CommunicationError as error:
                 log.debug("%s", error)
-            return self.stop != "none"
+            return self.stop != "none" or self._demanded is not None
 
     def _now(self) -> Stop:
         """The stop in force, in blocks and latch."""

@@ -20,6 +20,7 @@ from dtwin.bus.messages import (
     EVENTS,
     MONITORING,
     REMEMBERED,
+    SENSORS,
     STATUS,
     SUMMARY,
     ServiceSummary,
@@ -30,9 +31,10 @@ from dtwin.bus.messages import (
 from dtwin.bus.session import Bus
 from dtwin.bus.signature import KEY
 from dtwin.bus.twin_messages import MonitoringVerdict
+from dtwin.bus.verdicts.opinion import Opinion, is_known
 from dtwin.errors import CommunicationError
 from dtwin.parameters import SOURCE
-from dtwin.signals import Event
+from dtwin.signals import Event, Sensors
 
 LIFELINE: Final = "DTWIN_LIFELINE"
 """Environment variable of the children: the descriptor that is at its end when the supervisor has gone."""
@@ -138,6 +140,14 @@ class _Child:
         """The last line on its standard error."""
         return self._said[-1] if self._said else ""
 
+    @property
+    def doing(self) -> str:
+        """What it says of how far it is, while it is not ready."""
+        status, process = self.status, self._process
+        if status is None or process is None or status.pid != process.pid or self.arrived:
+            return ""
+        return status.doing
+
     def send(self, number: int) -> None:
         if self._process is not None:
             self._process.send_signal(number)
@@ -162,9 +172,11 @@ class _Child:
         if self._process is None:
             wait = max(0.0, self._start_at - now)
             return ServiceSummary("ended" if self.done else "dead", 0.0, self.restarts, _wait(self.end, wait))
+        if now - self._born > SETTLED and self.alive:
+            self.end = ""
         error = (status.last_error if status else "") or self.end
         if not self.arrived:
-            return ServiceSummary("starting", 0.0, self.restarts, error)
+            return ServiceSummary("starting", 0.0, self.restarts, error, self.doing)
         if not self.alive:
             return ServiceSummary("stopping", 0.0, self.restarts, error)
         if now - self.heard > SILENT:
@@ -196,11 +208,13 @@ class Supervisor:
         self._lifeline, self._hold = os.pipe()
         self._children = {program.name: _Child(program, self._lifeline, key) for program in programs}
         bus.watch_alive(self._note_token)
-        self._verdict = ""
+        self._opinion = Opinion()
         self._events: deque[Event] = deque(maxlen=REMEMBERED)
         bus.subscribe(STATUS, Status, self._note_status)
         bus.subscribe(EVENTS, Event, self._note_event)
-        bus.subscribe(MONITORING, MonitoringVerdict, self._note_verdict)
+        if MONITORING.sender in self._children:
+            bus.subscribe(MONITORING, MonitoringVerdict, self._note_verdict)
+            bus.subscribe(SENSORS, Sensors, self._note_sample)
         bus.answer(SUMMARY, SummaryRequest, None, self.summary)
 
     def start(self) -> None:
@@ -221,6 +235,12 @@ class Supervisor:
     def ready(self) -> bool:
         """Whether all programs have shown their tokens."""
         return all(child.alive for child in self._children.values())
+
+    @property
+    def progress(self) -> str:
+        """How far the programs are that are not ready, in words; another text means that they have got on."""
+        waiting = [child for child in self._children.values() if not child.alive]
+        return "; ".join(f"{child.program.name} {child.doing or 'starts'}" for child in waiting)
 
     @property
     def finished(self) -> bool:
@@ -248,7 +268,7 @@ class Supervisor:
         last = events[-1] if events else None
         leading = [child.status for child in self._children.values() if child.program.leading and child.status]
         if not leading:
-            return Summary(services, verdict=self._verdict, last_event=last, events=events)
+            return Summary(services, verdict=self._verdict(), last_event=last, events=events)
         status = leading[0]
         return Summary(
             services,
@@ -257,10 +277,19 @@ class Supervisor:
             status.latency_ms,
             status.real_time_factor,
             status.boxes,
-            self._verdict,
+            self._verdict(),
             last,
             events,
         )
+
+    def _verdict(self) -> str:
+        """What the monitor thinks of the arm now, in words; "" in a cell without one."""
+        monitor = self._children.get(MONITORING.sender)
+        if monitor is None:
+            return ""
+        if monitor.alive and monitor.status is not None and monitor.status.state == "off":
+            return "off: the monitor was switched off"
+        return in_words(self._opinion.current(time.monotonic()))[:1000]
 
     def _note_token(self, name: str, alive: bool) -> None:
         if name in self._children:
@@ -278,11 +307,16 @@ class Supervisor:
         self._events.append(event)
 
     def _note_verdict(self, verdict: MonitoringVerdict) -> None:
-        self._verdict = in_words(verdict)[:1000]
+        self._opinion.take(verdict, time.monotonic())
+
+    def _note_sample(self, sensors: Sensors) -> None:
+        self._opinion.sample(sensors.time, time.monotonic())
 
 
 def in_words(verdict: MonitoringVerdict) -> str:
     """What a monitor thinks of the arm, in one line: what is wrong with every unit that is not nominal."""
+    if not is_known(verdict):
+        return "unknown: the monitor is silent"
     units = {name: unit for name, unit in verdict.units.items() if unit.state != "nominal"}
     wrong = (f"{name} {unit.state}" + (f", {unit.text}" if unit.text else "") for name, unit in units.items())
     return "; ".join(wrong) or "nominal"

@@ -75,7 +75,10 @@ def test_the_package_loads_nothing_before_a_name_is_used() -> None:
 
 
 def test_the_monitor_at_work_has_loaded_of_scipy_only_the_products_of_matrices() -> None:
-    found = after("import dtwin.services.monitoring as service; service.warm_up(service.Options()._belief())")
+    found = after(
+        "import dtwin.services.monitoring as service; belief = service.Options()._belief();"
+        "[act() for _, act in service.Rehearsal(belief, service.MonitorSettings()).parts()]"
+    )
     assert {name for name in found if name.startswith(("scipy.linalg", "scipy.special"))} == {BLAS}
     assert not found & {"numpy.f2py", "unittest"}
 

@@ -46,9 +46,9 @@ from dtwin.signals import (
 
 TOGETHER: Final = 5
 """Number of ticks that are told together once they have passed."""
-State = Literal["starting", "running", "waiting", "safe", "stopped", "stopping"]
-"""starting: not ready yet; waiting: for a peer; safe: the arm has no voltage because commands stay away; stopped: a
-safe stop is in force."""
+State = Literal["starting", "running", "waiting", "off", "safe", "stopped", "stopping"]
+"""starting: not ready yet; waiting: for a peer; off: by somebody's wish; safe: the arm has no voltage because
+commands stay away; stopped: a safe stop is in force."""
 
 REMEMBERED: Final = 20
 """Events of a run that its supervisor remembers."""
@@ -79,7 +79,7 @@ class Status(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
         latency_ms: latency from sample to command, told by the emulator.
         boxes: what became of the boxes, told by the emulator.
         refused: messages refused, by reason.
-        last_error: the last thing that went wrong, in one line; "" for none yet.
+        last_error, doing: what went wrong last and is not over; what it does before it is ready; "" for none.
     """
 
     service: Word
@@ -95,6 +95,7 @@ class Status(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
     boxes: BoxCounts | None = None
     refused: dict[Word, Count] = {}
     last_error: Line = ""
+    doing: Line = ""
 
 
 class Acted(msgspec.Struct, frozen=True, gc=False, tag_field="schema", tag=SCHEMA):
@@ -143,6 +144,30 @@ class Path(msgspec.Struct, frozen=True, gc=False, tag_field="schema", tag=SCHEMA
     sequence: Count
     time: Seconds
     theta: Triple
+
+
+BACKLOG_PAGE: Final = 100  # ticks of which the messages come in one answer
+
+
+class BacklogRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """Asks for what was published lately from the sample with a number on, one page of it."""
+
+    since: Count
+
+
+class SampleBacklog(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """What an emulator has published of up to BACKLOG_PAGE ticks, oldest first."""
+
+    sensors: tuple[Sensors, ...]
+    truths: tuple[Truth, ...]
+    acted: tuple[Acted, ...]
+
+
+class AnswerBacklog(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """What a bridge has published of up to BACKLOG_PAGE ticks, oldest first."""
+
+    voltages: tuple[Voltages, ...]
+    paths: tuple[Path, ...]
 
 
 class SettingsRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
@@ -294,12 +319,14 @@ class Done(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
 
 
 class ServiceSummary(msgspec.Struct, frozen=True):
-    """A service as its supervisor sees it; state is that of its status, or of its process when that says more."""
+    """A service as its supervisor sees it; state is that of its status, or of its process when that says more; doing
+    is what a service that starts says of how far it is."""
 
     state: Word
     rate_hz: float
     restarts: Count
     last_error: Line
+    doing: Line = ""
 
 
 class Summary(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
@@ -338,9 +365,7 @@ class Topic(NamedTuple):
 
 
 CHECKED: Final = 60.0
-"""Patience for an answer that needs a check on the twin, which may have to be compiled first, s."""
-
-
+"""Patience for an answer that needs a check on the twin, s."""
 SENSORS: Final = Topic("sensors", "publication", Sensors, None, "emulator", urgent=True)
 VOLTAGES: Final = Topic("voltages", "publication", Voltages, None, "bridge", urgent=True)
 ACTED: Final = Topic("acted", "publication", Acted, None, "emulator", urgent=True)
@@ -358,6 +383,8 @@ DESK: Final = Topic("controller/desk", "query", DeskRequest, DeskState, "bridge"
 FAULT: Final = Topic("emulator/fault", "query", FaultRequest, Done, "emulator")
 RESET: Final = Topic("emulator/reset", "query", ResetRequest, Done, "emulator")
 LATCH: Final = Topic("emulator/stop", "query", LatchRequest, LatchState, "emulator")
+SAMPLE_BACKLOG: Final = Topic("emulator/backlog", "query", BacklogRequest, SampleBacklog, "emulator")
+ANSWER_BACKLOG: Final = Topic("controller/backlog", "query", BacklogRequest, AnswerBacklog, "bridge")
 SUMMARY: Final = Topic("supervisor/summary", "query", SummaryRequest, Summary, "supervisor")
 IDENTIFICATION: Final = Topic("twin/identification", "publication", IdentificationState, None, "identification")
 IDENTIFY: Final = Topic(
@@ -390,6 +417,7 @@ RESIDUALS: Final = Topic("twin/monitoring/residuals", "publication", MonitoringR
 TOPICS: Final = (
     *(SENSORS, VOLTAGES, ACTED, PATH, TRUTH, TICKS, EVENTS, STATUS, ALIVE),
     *(SETTINGS, SIGNAL, STOP, RELEASE, DESK, FAULT, RESET, LATCH, SUMMARY),
+    *(SAMPLE_BACKLOG, ANSWER_BACKLOG),
     *(IDENTIFICATION, IDENTIFY, DECIDE, UPLOAD, PREDICT, ROLL_BACK, MONITORING, RESIDUALS, ACKNOWLEDGE, WATCH),
 )
 """All there is on the bus. `*` stands for the service's name; a query's sender is who answers it."""

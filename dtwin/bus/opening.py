@@ -31,8 +31,12 @@ EXPLAIN: Final = 2.0
 """Time that joining may take before its error is logged, s."""
 _TRANSPORT_LIMIT: Final = 1 << 20
 """Largest message that a session reassembles from the fragments of a peer, bytes."""
-_LOG: Final = "error,zenoh::net::protocol::gossip=off,zenoh::api::session=off"
-"""Log levels of Zenoh: the two that are off report every message that was on its way to a session just closed."""
+_LOG: Final = (
+    "off,zenoh_config=error,zenoh_link=error,zenoh_transport=error,zenoh::net::runtime::orchestrator=error,"
+    "zenoh::net::routing::interceptor=error"
+)
+"""What Zenoh may log: what its user can do something about, such as an address, a certificate or a rule. The rest
+tells of messages that were on their way to, or from, a session that has just closed, and of what strangers send."""
 _WAITING: Final = 16
 """Urgent messages that may wait while a busy machine does not let their sender run, the most that Zenoh allows. With
 its usual two, samples are lost while others work."""

@@ -225,7 +225,7 @@ class Predicted(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
     motions: tuple[PredictedMotion, ...]
 
 
-UnitState = Literal["nominal", "may be degrading", "failed", "not commissioned"]
+UnitState = Literal["nominal", "may be degrading", "failed", "not commissioned", "unknown"]
 UNITS: Final = ("joint 1", "joint 2", "joint 3", "gripper")
 """What has a state of its own in a verdict."""
 
@@ -234,8 +234,8 @@ class MonitoredUnit(msgspec.Struct, frozen=True):
     """A joint or the gripper as the monitor sees it.
 
     Attributes:
-        state: nominal, may be degrading, failed, or not commissioned, which means that the model does not fit this
-            arm.
+        state: nominal, may be degrading, failed, not commissioned, which means that the model does not fit this arm,
+            or unknown, which no monitor says: it stands in the place of a verdict that is too old.
         cause: cause of what is wrong in words, "" for none.
         parameter: what changed, in the notation of faults, "" for nothing.
         size: size of the change, relative for a voltage constant and in SI units for the others.
@@ -260,7 +260,7 @@ class MonitoredUnit(msgspec.Struct, frozen=True):
 
 
 class MonitoringVerdict(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
-    """The monitor's opinion of the arm, once a second and whenever it changes.
+    """The monitor's opinion of the arm, twice a second and whenever it changes.
 
     Attributes:
         time: plant time, s.

@@ -37,6 +37,7 @@ from dtwin.bus.twin_messages import (
     UploadRequest,
     WatchRequest,
 )
+from dtwin.bus.verdicts.opinion import is_known
 from dtwin.console.people.users import Role
 from dtwin.console.telling import CellState
 from dtwin.errors import ParameterError
@@ -167,8 +168,10 @@ def _acknowledge_blocked(state: CellState) -> str:
     if reason := _missing(state, "monitoring", "--monitoring"):
         return reason
     verdict = state.verdict
-    found = verdict is not None and (
-        verdict.forecasts or any(unit.state != "nominal" for unit in verdict.units.values())
+    found = (
+        verdict is not None
+        and is_known(verdict)
+        and (verdict.forecasts or any(unit.state != "nominal" for unit in verdict.units.values()))
     )
     return "" if found else "there is no finding"
 

@@ -6,12 +6,13 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Final
 
 from dtwin.bus.twin_messages import IdentificationState, MonitoringVerdict, Upload
+from dtwin.bus.verdicts.opinion import is_known
 from dtwin.console.telling import Condition, Health
 from dtwin.signals import Stop
 
 STALE: Final = 1.0
 """Age from which on a value counts as stale, s."""
-GOOD: Final = frozenset({"running", "waiting", "starting", "stopped"})
+GOOD: Final = frozenset({"running", "waiting", "starting", "stopped", "off"})
 """States of a service that are no condition of their own; a stop has one already."""
 _MEANING: Final[Mapping[Stop, str]] = {
     "none": "",
@@ -60,6 +61,9 @@ def _found(
         if health.state not in GOOD:
             reason = f": {health.reason}" if health.reason else ""
             yield Condition(f"service {name}", "service", f"{name} is {health.state}{reason}", True)
+    if verdict is not None and not is_known(verdict):
+        yield Condition("silent", "service", "whether the arm is nominal is not known: the monitor is silent", True)
+        verdict = None
     for name, unit in ({} if verdict is None else verdict.units).items():
         if unit.state != "nominal":
             text = f"{name} {unit.state}" + (f": {unit.text}" if unit.text else "")

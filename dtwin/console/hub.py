@@ -40,6 +40,7 @@ from dtwin.bus.pairs import Pairs
 from dtwin.bus.session import Bus, Subscription
 from dtwin.bus.ticks import Tick
 from dtwin.bus.twin_messages import IdentificationState, MonitoringResiduals, MonitoringVerdict, Upload, WatchState
+from dtwin.bus.verdicts.opinion import Opinion
 from dtwin.console.conditions import conditions, doing
 from dtwin.console.excited import ExcitedMotion
 from dtwin.console.people.occupancy import Occupancy
@@ -115,6 +116,7 @@ class Hub:
         self._pairing = threading.Lock()
         self._on_path: tuple[Sensors, Path] | None = None
         self._residuals: MonitoringResiduals | None = None
+        self._opinion = Opinion()
         self._last: dict[type, Any] = {}
         self._statuses: dict[str, tuple[float, Status]] = {}
         self._here: dict[str, bool] = {}
@@ -133,7 +135,7 @@ class Hub:
         bus = self._bus
         bus.subscribe(TICKS, PassedTicks, following_ticks(self._take_ticks, bus.refuse))
         bus.subscribe(RESIDUALS, MonitoringResiduals, self._take_residuals)
-        bus.subscribe(MONITORING, MonitoringVerdict, self._take_last)
+        bus.subscribe(MONITORING, MonitoringVerdict, self._take_verdict)
         bus.subscribe(IDENTIFICATION, IdentificationState, self._take_identification)
         bus.subscribe(EVENTS, Event, self._take_event)
         bus.subscribe(STATUS, Status, self._take_status)
@@ -202,7 +204,8 @@ class Hub:
         services = self._services()
         summary = self._last.get(Summary) or Summary({})
         watch = self._of("monitoring", WatchState)
-        verdict = None if watch is not None and not watch.running else self._of("monitoring", MonitoringVerdict)
+        unwatched = MONITORING.sender not in services or (watch is not None and not watch.running)
+        verdict = None if unwatched else self._opinion.current(self._clocks.steady())
         identification = self._of("identification", IdentificationState)
         settings = self._of("simulation", Upload)
         states = [health.state for health in services.values()]
@@ -249,7 +252,11 @@ class Hub:
         summary: Summary | None = self._last.get(Summary)
         for name, service in ({} if summary is None else summary.services).items():
             found[name] = Health(
-                service.state, service.last_error, round(service.rate_hz, 1), service.restarts, self.is_here(name)
+                service.state,
+                service.doing or service.last_error,
+                round(service.rate_hz, 1),
+                service.restarts,
+                self.is_here(name),
             )
         for name, (heard, status) in list(self._statuses.items()):
             if name not in found:
@@ -266,6 +273,7 @@ class Hub:
 
     def _take_sensors(self, sensors: Sensors) -> None:
         self._sensors, self._heard = sensors, (self._clocks.steady(), self._clocks.wall())
+        self._opinion.sample(sensors.time, self._heard[0])
         with self._pairing:
             pair = self._pairs.first(sensors)
         if pair is not None and self._followed:
@@ -289,6 +297,9 @@ class Hub:
 
     def _take_residuals(self, residuals: MonitoringResiduals) -> None:
         self._residuals = residuals
+
+    def _take_verdict(self, verdict: MonitoringVerdict) -> None:
+        self._opinion.take(verdict, self._clocks.steady())
 
     def _take_last(self, message: msgspec.Struct) -> None:
         self._last[type(message)] = message

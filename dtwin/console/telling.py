@@ -116,7 +116,7 @@ class CellState(msgspec.Struct, frozen=True, tag_field="tell", tag="state"):
         real_time_factor: plant time over wall time.
         latency_ms: latency from sample to command.
         boxes: what became of the boxes.
-        verdict: last word of the monitor; None without one.
+        verdict: last word of the monitor, with all units unknown when it is too old; None when nobody watches.
         watch: whether the monitor watches, and what with; None without one.
         identification: state of the identification; None without that service.
         settings: settings in force; None without the simulation service.

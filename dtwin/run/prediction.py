@@ -133,6 +133,11 @@ class OpenLoop:
         return np.array([_end(vector, *each) for each in zip(states, volts, masses, strict=True)]).reshape(-1, 3)
 
 
+def load_kernels(believed: BelievedArm) -> None:
+    """Compiles the twin of an arm or loads it compiled, so that no later prediction has to."""
+    OpenLoop(believed)._predicted(np.zeros((TICKS + _AROUND + 1, 8)), np.array([TICKS + _AROUND]))
+
+
 def _end(vector: Array, state: Array, volts: Array, masses: Array) -> Array:
     """The angles at the end of a rollout of a machine, (3,), rad; not numbers where it diverges."""
     try:

@@ -118,14 +118,16 @@ class Checker:
         return legs_of(self.task, self._between_bodies.controller.point) if self._via else ()
 
     def load(self) -> None:
-        """Loads the function blocks and the compiled twin, so that no check has to wait for them.
+        """Loads the function blocks and the compiled twin, so that no check has to wait for them,
+        not even one of an arm whose commands come late.
 
         Raises:
             FunctionBlockError: the library cannot be used.
         """
         settings, arm, motions = ControlSettings(), ArmParameters(), self.motions[:1]
-        list(self._resting(settings, arm, motions))
-        self.predict(settings, arm, motions)
+        for late in (0.0, 1.0):
+            list(self._resting(settings, arm, motions, late))
+            self.predict(settings, arm, motions, late)
 
     def tolerate(self, settings: ControlSettings, arm: ArmParameters) -> float:
         """Demands little more than settings have on an arm, when that is less than is demanded.

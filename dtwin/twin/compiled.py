@@ -18,8 +18,8 @@ import logging
 import os
 import sys
 import time
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from functools import partial
 from importlib.machinery import PathFinder
 from importlib.util import find_spec, module_from_spec
@@ -28,6 +28,7 @@ from types import ModuleType
 from typing import Any, Final
 
 import numba
+from numba.core import event
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 
 log = logging.getLogger(__name__)
@@ -37,6 +38,8 @@ _LONGEST: Final = 60.0
 """Longest time for which a process waits for one that may have been stopped, s; then it compiles as well."""
 _LOOK: Final = 0.02
 """Time between two looks whether the other one is done, s."""
+_COMPILE: Final = "numba:compile"
+"""What Numba calls it when machine code is made."""
 BLAS: Final = "scipy.linalg.cython_blas"
 """Module in which Numba finds the functions for products of matrices."""
 
@@ -66,6 +69,26 @@ def kernel(
     except RuntimeError as error:  # no folder can be written
         log.info("%s", error)
     return dispatcher
+
+
+@contextmanager
+def compilations(tell: Callable[[str], object]) -> Iterator[None]:
+    """Tells the name of each kernel that is compiled meanwhile, when that begins; of one that is loaded nothing."""
+    with event.install_listener(_COMPILE, _Listener(tell)):
+        yield
+
+
+class _Listener(event.Listener):
+    """Passes on what begins to be compiled."""
+
+    def __init__(self, tell: Callable[[str], object]) -> None:
+        self._tell = tell
+
+    def on_start(self, event: event.Event) -> None:
+        self._tell(event.data["dispatcher"].py_func.__name__)
+
+    def on_end(self, event: event.Event) -> None:
+        """What is done is of no interest."""
 
 
 def _load_blas() -> None:

@@ -37,6 +37,7 @@ COLOURS: Final[Mapping[UnitState, style.RGB]] = {
     "may be degrading": (250, 190, 40),
     "failed": (235, 50, 45),
     "not commissioned": (150, 110, 200),
+    "unknown": (130, 135, 140),
 }
 _RESIDUALS_SHOWN: Final = 10.5
 """standard deviations"""

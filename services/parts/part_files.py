@@ -36,6 +36,15 @@ def begun(path: Path) -> int:
     return max((int(match[1]) for match in names if match), default=0)
 
 
+def first_recording(log: Path | None, record: Path | None, resumable: bool) -> int:
+    """Number of the recording that a new recorder goes on with, or begins because no log holds the rows before."""
+    if resumable and log is not None:
+        return max(begun(log), 1)
+    if resumable and record is not None:
+        return begun(record) + 1
+    return 1
+
+
 def begin(path: Path, number: int) -> None:
     """Marks a recording of the run with the first log or recording `path` as begun, if there is room for that."""
     folder = folder_of(path)

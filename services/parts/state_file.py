@@ -5,10 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 from dtwin.bus.codec import MessageError, Reader, encode
-from dtwin.bus.messages import SettingsInForce
+from dtwin.bus.messages import SettingsInForce, SettingsRequest
+from dtwin.controller.device import Settings
 from dtwin.controller.settings import Compensation, ControlSettings
 from dtwin.errors import ParameterError, RecordingError
 from dtwin.files import replacing
+from dtwin.parameters import ArmParameters, Gains
 
 
 class StateFile:
@@ -91,4 +93,24 @@ def from_message(message: SettingsInForce) -> ControlSettings:
         message.payload_model,
         Compensation(message.delay, message.dead_zone, message.bandwidth),
         message.encoder_offset,
+    )
+
+
+def changed(settings: Settings, asked: SettingsRequest) -> ControlSettings:
+    """What is in force after a change.
+
+    Raises:
+        ParameterError: a value is out of range, or it is not one message that is asked for.
+    """
+    match asked:
+        case SettingsRequest(Gains() as gains, float(target_time), None, None, None):
+            return settings.set_tuning(gains, target_time)
+        case SettingsRequest(None, None, ArmParameters() as model, None, None):
+            return settings.set_model(model)
+        case SettingsRequest(None, None, None, float(payload), None):
+            return settings.set_payload(payload)
+        case SettingsRequest(None, None, None, None, tuple(offsets)):
+            return settings.set_offsets(offsets)
+    raise ParameterError(
+        "settings: expected gains and target time together, or a model, a payload or encoder offsets alone"
     )

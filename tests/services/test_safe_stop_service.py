@@ -27,7 +27,7 @@ from dtwin.bus.session import Bus
 from dtwin.bus.twin_messages import MonitoringResiduals, MonitoringVerdict
 from dtwin.errors import CommunicationError
 from dtwin.monitoring.verdict import Finding
-from dtwin.services.parts.demands import Demands
+from dtwin.services.parts.stopping.demands import Demands
 from dtwin.services.runfile import join
 from dtwin.signals import Event, Sensors
 from tests.support.bus import noting

@@ -28,10 +28,11 @@ class ExperimentSoak(ExperimentCommand[Outcome], OnMachine):
     """Run all services of a cell in real time for long; the exit status is 1 when a promise is not kept.
 
     latency leaves the cell alone and measures how fast samples are answered. chaos brings one trouble after another:
-    kills, freezes, cuts, stops, settings, strangers, a full disk. storm sends signals to services at random on a
-    busy machine. After each the cell must work on. memory takes the messages of hours through recorder and journal,
-    faster than in real time, and sees that their memory does not grow. hostile lets somebody without the cell's key
-    attack it in its default, routed and secured settings: nothing may be believed, and all must be told.
+    kills, freezes, cuts, stops, settings, strangers, a full disk. storm kills and freezes services and fills the disk
+    at random on a busy machine, of a cell that starts with nothing compiled. After each the cell must work on.
+    memory takes the messages of hours through recorder and journal, faster than in real time, and sees that their
+    memory does not grow. hostile lets somebody without the cell's key attack it in its default, routed and secured
+    settings: nothing may be believed, and all must be told.
     """
 
     name: ClassVar = "soak"
@@ -39,7 +40,7 @@ class ExperimentSoak(ExperimentCommand[Outcome], OnMachine):
     run: tyro.conf.Positional[Literal["latency", "chaos", "storm", "memory", "hostile"]] = "latency"
     """Which run to make."""
     amount: tyro.conf.Positional[float | None] = None
-    """Plant time of the latency run, s, 600 if not given; number of signals of the storm, 200 if not given;
+    """Plant time of the latency run, s, 600 if not given; number of events of the storm, 100 if not given;
     plant time of the memory run, s, 36000 if not given."""
 
     def measure(self, progress: Progress) -> Outcome:
@@ -55,7 +56,7 @@ class ExperimentSoak(ExperimentCommand[Outcome], OnMachine):
         if self.run == "storm":
             events = EVENTS if self.amount is None else self.amount
             if not (events >= 1 and events == int(events)):
-                raise ParameterError(f"storm: expected a whole number of signals of at least 1, got {events:g}")
+                raise ParameterError(f"storm: expected a whole number of events of at least 1, got {events:g}")
             return storm_run(int(events), self.seed, self.machine, progress)
         if self.run == "memory":
             seconds = 3600 * HOURS if self.amount is None else self.amount

@@ -67,7 +67,8 @@ def table(summary: Summary) -> RenderableType:
     grid = Table("service", "state", "rate", "restarts", "last error", title=_title(summary), title_justify="left")
     colours = {"running": "green", "safe": "red", "dead": "red", "silent": "red"}
     for name, service in summary.services.items():
-        state = as_text(service.state, colours.get(service.state, "yellow"))
+        said = f"{service.state}: {service.doing}" if service.doing else service.state
+        state = as_text(said, colours.get(service.state, "yellow"))
         rate = f"{service.rate_hz:.0f} Hz" if service.rate_hz else ""
         grid.add_row(as_text(name), state, rate, str(service.restarts or ""), as_text(service.last_error))
     return Group(folding(grid), *map(as_text, news(summary).values()))

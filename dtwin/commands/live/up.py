@@ -84,7 +84,7 @@ class UpCommand(CellOptions):
         with launched(self) as cell:
             _warn(cell.up)
             with self._display(cell.supervisor) as display:
-                cell.await_ready()
+                cell.await_ready(display.show)
                 for line in _addresses(cell.up):
                     display.tell(line)
                 while not (cell.over or cell.stop.wait(LOOK)):
@@ -121,8 +121,12 @@ class UpCommand(CellOptions):
             process = subprocess.Popen(
                 command, stdin=subprocess.DEVNULL, stdout=sink, stderr=sink, start_new_session=True
             )
+        said = ""
         while process.poll() is None:
             up = runfile.find(self.cell)
+            if up is not None and up.progress != said and not up.ready:
+                said = up.progress
+                print(printable(f"waits for {said}"), file=sys.stderr, flush=True)
             if up is not None and up.ready:
                 _warn(up)
                 print(f"cell {self.cell!r} is up: see it with `dtwin status`, stop it with `dtwin down`")
@@ -149,5 +153,6 @@ def _addresses(up: runfile.Up) -> list[str]:
 
 
 def _line(service: ServiceSummary) -> str:
-    """A service in a line: how it is, and what went wrong if anything did."""
-    return f"{service.state} ({service.last_error})" if service.last_error else service.state
+    """A service in a line: how it is, what it does before it is ready, and what went wrong if anything did."""
+    state = f"{service.state}: {service.doing}" if service.doing else service.state
+    return f"{state} ({service.last_error})" if service.last_error else state

@@ -12,6 +12,7 @@ from typing import Final
 
 from dtwin.bus.messages import ServiceSummary
 from dtwin.bus.twin_messages import IdentificationPhase, MonitoredUnit, MonitoringVerdict
+from dtwin.bus.verdicts.opinion import is_known
 from dtwin.console.alarms.alarm_list import AlarmList
 from dtwin.console.alarms.states import Alarm, Priority
 from dtwin.controller.sequence import CALLS
@@ -52,6 +53,7 @@ UNCOMMISSIONED: Final = Row("low", "findings mean nothing", "commission the arm:
 FORECASTED: Final = Row("low", "a limit will be reached", "plan the maintenance")
 STOPPED: Final = Row("high", "no box is sorted", "find the cause, make the arm safe, then release the stop")
 SILENT: Final = Row("high", "nobody knows what the arm does", "see to the network and the emulator or plant")
+UNWATCHED: Final = Row("high", "a failure of the arm is not noticed", "see the monitor's last error; stop the arm")
 MAIN_SERVICE: Final = Row("high", "the arm loses its voltage", "see the service's last error; it is started again")
 OTHER_SERVICE: Final = Row("medium", "a function of the twin is missing", "see the service's last error")
 ONCE: Final[dict[str, Row]] = {
@@ -85,7 +87,13 @@ class Sources:
         self._alarms = alarms
 
     def verdict(self, verdict: MonitoringVerdict, at: float) -> None:
-        """Raises what the monitor finds, and clears what it finds no more."""
+        """Raises what the monitor finds, and clears what it finds no more; what a silent one found stands."""
+        silent = not is_known(verdict)
+        self._condition(
+            "unwatched", silent, "the monitor is silent: nothing is known of the arm", UNWATCHED, at, verdict.time
+        )
+        if silent:
+            return
         told = [(name, unit) for name, unit in verdict.units.items() if unit.state != "nominal"]
         told += [(name, each) for each in verdict.findings for name in _units(each.parameter)]
         found = {alarm.name: alarm for alarm in (_of_finding(name, unit) for name, unit in told)}
@@ -183,6 +191,7 @@ def table() -> str:
         "a slow change will reach its limit": FORECASTED,
         "the arm is stopped": STOPPED,
         "no sample comes": SILENT,
+        "the monitor is silent": UNWATCHED,
         "emulator, bridge or controller does not work": MAIN_SERVICE,
         "another service does not work": OTHER_SERVICE,
         "no command came in time": SAFE,

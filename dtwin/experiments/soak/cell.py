@@ -18,8 +18,7 @@ from dtwin.emulation.machine.sections import IDEAL
 from dtwin.errors import CommunicationError
 from dtwin.experiments.soak.proxy import Proxy
 from dtwin.experiments.soak.small_disk import SmallDisk
-from dtwin.parameters import ROOT
-from dtwin.services.launch import READY_TIMEOUT
+from dtwin.parameters import ROOT, SOURCE
 from dtwin.services.runfile import find, join
 from dtwin.services.service import free_port
 from dtwin.signals import Event
@@ -45,6 +44,7 @@ class TroubledCell:
         name: the name of the cell, of no other cell on this machine.
         seed: number of the random generator of the boxes.
         machine: name, file or number of the machine that the arm is.
+        cache: folder of compiled code; the user's own if not given.
 
     Attributes:
         folder: where its configuration, log and parts of the log are kept.
@@ -59,8 +59,12 @@ class TroubledCell:
         CommunicationError: the cell does not come up.
     """
 
-    def __init__(self, folder: Path, name: str, seed: int = 0, machine: str = IDEAL.name) -> None:
+    def __init__(
+        self, folder: Path, name: str, seed: int = 0, machine: str = IDEAL.name, cache: Path | None = None
+    ) -> None:
         self.folder = folder
+        kept = {} if cache is None else {"NUMBA_CACHE_DIR": str(cache), "DTWIN_CACHE_DIR": str(cache)}
+        self._environment = {**os.environ, "PYTHONPATH": str(SOURCE), **kept}
         self.name = name
         self.events: list[Event] = []
         self._router: subprocess.Popen[bytes] | None = None
@@ -139,18 +143,23 @@ class TroubledCell:
         Raises:
             CommunicationError: the cell does not come up; the message is what it says of that.
         """
-        services = ["--log", str(self.log), "--monitoring", "--simulation"]
+        services = ["--log", str(self.log), "--monitoring", "--simulation", "--identification", "--console"]
         services += ["--history", str(self.folder / "history.jsonl")]
         command = [sys.executable, "-m", "dtwin", "up", "--json", *options, *services]
         said = self.folder / "up.log"
         with said.open("wb") as output:
-            self._up = up = subprocess.Popen(command, cwd=ROOT, stdout=output, stderr=output)
+            self._up = up = subprocess.Popen(
+                command, cwd=self.folder, stdout=output, stderr=output, env=self._environment
+            )
 
         def is_ready() -> bool:
             found = find(self.name)
             return found is not None and found.ready
 
-        if not wait(lambda: up.poll() is not None or is_ready(), READY_TIMEOUT) or up.poll() is not None:
+        # It gives up by itself when it does not get on.
+        while up.poll() is None and not is_ready():
+            time.sleep(_PAUSE)
+        if up.poll() is not None:
             lines = said.read_text(errors="replace").strip().splitlines()
             raise CommunicationError(lines[-1].removeprefix("dtwin: ") if lines else "the cell does not come up")
 

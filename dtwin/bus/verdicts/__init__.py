@@ -1,0 +1,1 @@
+"""Which verdicts of the monitor count."""

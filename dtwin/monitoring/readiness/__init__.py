@@ -1,0 +1,1 @@
+"""What a monitor does before it counts as ready."""

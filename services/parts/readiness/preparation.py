@@ -1,0 +1,46 @@
+"""What a service does before it is ready: it goes through its whole work once, so that all that is compiled is there.
+
+Who is ready answers at once from then on, also in what is needed seldom, such as the diagnosis of a first fault.
+Several services that want the same kernel wait for one another, see `dtwin.twin.compiled`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+from dtwin.twin.compiled import compilations
+
+if TYPE_CHECKING:
+    from dtwin.services.service import Service
+
+Part = tuple[str, Callable[[], object]]
+"""A part of the work: its name, and a function that does it once."""
+
+
+def prepare(service: Service, parts: Sequence[Part]) -> None:
+    """Does every part of the work once and tells how far that is, until the service is asked to end.
+
+    Args:
+        service: the service, which is not ready yet.
+        parts: the parts in the order in which they are done.
+    """
+    compiled = 0
+    now = ""
+
+    def tell() -> None:
+        service.doing = f"{now}; kernels compiled: {compiled}"
+        if service.report_due():
+            service.report("starting")
+
+    def count(kernel: str) -> None:
+        nonlocal compiled
+        compiled += 1
+        tell()
+
+    with service.interruptible(), compilations(count):
+        for number, (name, act) in enumerate(parts, 1):
+            now = f"prepares {name}, {number} of {len(parts)}"
+            tell()
+            act()
+    service.doing = ""

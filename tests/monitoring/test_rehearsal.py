@@ -1,0 +1,63 @@
+"""What a monitoring or simulation service does before it is ready leaves no kernel to be compiled or loaded later."""
+
+import subprocess
+import sys
+
+import pytest
+
+from dtwin.bus.twin_messages import MonitoringVerdict
+from dtwin.monitoring.estimation.belief import assumed
+from dtwin.monitoring.readiness.rehearsal import Rehearsal
+from dtwin.monitoring.settings import MonitorSettings
+from dtwin.parameters import ROOT, ArmParameters
+
+WATCHED = """
+import numpy as np
+from dtwin.monitoring.estimation.belief import assumed, commissioned
+from dtwin.monitoring.monitor import Monitor
+from dtwin.monitoring.readiness.rehearsal import Rehearsal
+from dtwin.monitoring.settings import MonitorSettings
+from dtwin.parameters import ArmParameters
+from tests.support.kernels import loaded, never_called
+from tests.support.records import recorded
+
+for belief in (assumed(ArmParameters(), (0.0, 0.0, 0.0)), commissioned(recorded())):
+    for _, act in Rehearsal(belief, MonitorSettings()).parts():
+        act()
+assert not never_called("dtwin.monitoring"), never_called("dtwin.monitoring")
+"""
+"""Rehearses both kinds of motion that a monitor may believe in."""
+
+UPLOADED = """
+from dtwin.controller.settings import ControlSettings
+from dtwin.parameters import ArmParameters, Gains
+from dtwin.simulation.checks import Checker
+from tests.support.kernels import loaded
+
+checker = Checker()
+checker.load()
+before = loaded()
+arm = ArmParameters().with_values({"K2": 0.3, "mu1": 0.05})
+checker.check(ControlSettings(), ArmParameters())
+checker.expect(ControlSettings(), arm, 0.05, late=1.0)
+checker.keeps_margins(ControlSettings(), arm, late=0.5)
+assert loaded() == before, loaded() - before
+"""
+"""Checks settings as the first upload does."""
+
+
+@pytest.mark.parametrize("work", [WATCHED, UPLOADED], ids=["monitoring", "simulation"])
+def test_no_kernel_is_left_for_later(work: str) -> None:
+    done = subprocess.run([sys.executable, "-c", work], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr[-2000:]
+
+
+def test_a_rehearsal_goes_through_suspicion_finding_acknowledgement_and_recovery() -> None:
+    rehearsal = Rehearsal(assumed(ArmParameters(), (0.0, 0.0, 0.0)), MonitorSettings())
+    for _, act in rehearsal.parts():
+        act()
+    monitor = rehearsal.monitor
+    assert {"suspected", "failed", "acknowledged", "recovered"} <= {event.kind for event in monitor.events}
+    assert {finding.parameter for finding in monitor.history} >= {"K2", "freeze2", "bias2"}
+    assert monitor.missed == 2
+    assert isinstance(monitor.verdict(), MonitoringVerdict)
