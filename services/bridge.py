@@ -132,10 +132,8 @@ class Bridge:
         self._recent = Recent()
         self._backlog = Backlog(service.next, self._recent.take)
         self._heard = 0.0
-        self._limp = 0
-        self._limp_at = -1
-        self._restart = False
-        self._answered = 0
+        self._limp, self._limp_at = 0, -1
+        self._restart, self._answered = False, 0
         self._publish: Publisher | Kept = bus.publisher(VOLTAGES, lossless=lossless)
         self._publish_path: Publisher | Kept = bus.publisher(PATH, lossless=lossless)
         self._tell = bus.publisher(EVENTS)

@@ -11,7 +11,6 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -21,13 +20,12 @@ from typing import Final
 
 import msgspec
 
-from dtwin.bus.messages import Summary
 from dtwin.bus.opening import has_certificates, open_configured, open_peer
 from dtwin.bus.session import Bus
 from dtwin.bus.signature import new_key
 from dtwin.emulation.encoders import check_noise
 from dtwin.emulation.generators import check_seed
-from dtwin.errors import CommunicationError, ParameterError
+from dtwin.errors import ParameterError
 from dtwin.files import LOG, RECORDING, ensure_writable
 from dtwin.identification.store import STORE, ModelStore, model_path
 from dtwin.iec61499.net.address import LocalAddress, parse_address
@@ -38,6 +36,7 @@ from dtwin.run.loop import tick_count
 from dtwin.run.options import ArmOptions, CellFileOption, ControlOptions, PlantOptions
 from dtwin.run.settings import CellSettings, metadata, sequence_name
 from dtwin.services import runfile
+from dtwin.services.launched import Launched
 from dtwin.services.parts.fence import fence_warning
 from dtwin.services.parts.journal import carry_over
 from dtwin.services.parts.pace import Pace
@@ -55,11 +54,8 @@ ALARMS: Final = Path("console-alarms.jsonl")
 """Default journal of the alarms at the console, in the working directory."""
 MANAGEMENT: Final = 61499
 """Port of device management, here the name of a socket."""
-READY_TIMEOUT: Final = 120.0
-"""Time in which services that are not ready must have got on, s; code that is compiled anew takes a while."""
-SILENCE: Final = 10.0  # s: more than a new monitor takes to start on a quiet machine
-LOOK: Final = 0.1
-"""Time between two looks at the processes, s."""
+SILENCE: Final = 10.0
+"""Time for which a monitor may be silent before the arm is stopped, s: more than a new one takes to start."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,8 +90,7 @@ class CellOptions(PlantOptions, ControlOptions):
     safe_stop: bool = False
     """Let the monitoring service ask the function blocks to stop the arm when a failure is confirmed."""
     silence: float = SILENCE
-    """With --safe-stop: longest time for which the monitoring service may be silent while the arm moves, s; then the
-    bridge stops the arm."""
+    """With --safe-stop: longest silence of the monitoring service while the arm moves, s; then the arm is stopped."""
     simulation: bool = False
     """Start the simulation service too, which checks, uploads and watches new settings (dtwin upload, gains set)."""
     history: Path = HISTORY
@@ -206,8 +201,14 @@ class CellOptions(PlantOptions, ControlOptions):
         if self.safe_stop:
             # The arm does not move before it is watched.
             bridge += ["--monitored", str(self.silence), "--wait-for", "monitoring"]
-        emulator = ["--pace", self.pace, *turns, "--journal", str(runfile.journal_of(file))]
-        emulator += arguments(self, PlantOptions)
+        emulator = [
+            "--pace",
+            self.pace,
+            *turns,
+            "--journal",
+            str(runfile.journal_of(file)),
+            *arguments(self, PlantOptions),
+        ]
         emulator += [] if self.duration is None else ["--duration", str(self.duration)]
         if self.log or self.record or self.viewer != "none":
             programs.append(_service("recorder", [*link, *lossless, *self._recorder_options(ports)]))
@@ -258,9 +259,8 @@ class CellOptions(PlantOptions, ControlOptions):
         scheme, _, address = self.controller.partition("://")
         if scheme == "embedded":
             return ""
-        return fence_warning(
-            parse_address(address), self.zenoh is not None and has_certificates(self.zenoh, OPERATOR)
-        )
+        secured = self.zenoh is not None and has_certificates(self.zenoh, OPERATOR)
+        return fence_warning(parse_address(address), secured)
 
     @property
     def marked(self) -> Path | None:
@@ -269,8 +269,8 @@ class CellOptions(PlantOptions, ControlOptions):
 
     def _console_options(self, ports: Ports, port: int) -> list[str]:
         options = ["--port", str(port), "--store", str(self.store.resolve())]
-        options += ["--history", str(self.history.resolve()), "--audit", str(AUDIT.resolve())]
-        options += ["--alarms", str(ALARMS.resolve())]
+        files = {"--history": self.history, "--audit": AUDIT, "--alarms": ALARMS}
+        options += [word for option, file in files.items() for word in (option, str(file.resolve()))]
         options += ["--recordings", str(self.recordings.resolve())] if self.recordings else []
         options += ["--viewer", ports.page_url] if self.viewer == "web" else []
         return options + arguments(self, CellFileOption)
@@ -281,54 +281,10 @@ class CellOptions(PlantOptions, ControlOptions):
         options += ["--ports.page", str(ports.page), "--ports.data", str(ports.data)]
         options += ["--log", str(self.log.resolve())] if self.log else []
         options += ["--record", str(self.record.resolve())] if self.record else []
-        options += ["--resumable"] if self.marked else []
-        options += ["--monitored"] if self.monitoring else []
+        flags = {"--resumable": self.marked, "--monitored": self.monitoring}
+        options += [flag for flag, given in flags.items() if given]
         options += ["--commissioned", str(self.commissioned.resolve())] if self.commissioned else []
         return options + arguments(self, ArmOptions)
-
-
-@dataclass(frozen=True)
-class Launched:
-    """A cell whose services have been started.
-
-    Attributes:
-        bus: session of the operator.
-        supervisor: keeper of the services.
-        stop: event that Ctrl-C and a polite kill set.
-        up: what its run file tells of it.
-    """
-
-    bus: Bus
-    supervisor: Supervisor
-    stop: threading.Event
-    up: runfile.Up
-    _file: RunFile
-
-    def await_ready(self, show: Callable[[Summary], None] = lambda summary: None) -> None:
-        """Waits for all services, as long as they get on, and says in the run file how far they are.
-
-        Args:
-            show: is told how the cell does.
-
-        Raises:
-            CommunicationError: a service cannot start, or has not got on for too long.
-        """
-        deadline, before = time.monotonic() + READY_TIMEOUT, ""
-        while not (self.supervisor.ready or self.supervisor.finished or self.stop.wait(LOOK)):
-            self.supervisor.look()
-            show(self.supervisor.summary())
-            if (progress := self.supervisor.progress) != before:
-                deadline, before = time.monotonic() + READY_TIMEOUT, progress
-                self._file.write(msgspec.structs.replace(self.up, progress=progress))
-            if time.monotonic() > deadline:
-                raise CommunicationError(f"not ready after {READY_TIMEOUT:g} s: {self.supervisor.missing()}")
-        self._file.write(msgspec.structs.replace(self.up, ready=True))
-
-    @property
-    def over(self) -> bool:
-        """Whether the run has come to its end or was asked to; restarts what has died meanwhile."""
-        self.supervisor.look()
-        return self.stop.is_set() or self.supervisor.finished
 
 
 @contextmanager

@@ -10,6 +10,7 @@ from typing import Annotated, Final, Literal, NamedTuple
 
 import msgspec
 
+from dtwin.bus.controller_messages import IdentificationSignal, SettingsInForce, SettingsRequest, SignalRequest
 from dtwin.bus.twin_messages import (
     AcknowledgeRequest,
     DeskRequest,
@@ -27,7 +28,7 @@ from dtwin.bus.twin_messages import (
     WatchRequest,
     WatchState,
 )
-from dtwin.parameters import ArmParameters, Gains, Law, PayloadModel, Triple
+from dtwin.parameters import Triple
 from dtwin.signals import (
     SCHEMA,
     ArmState,
@@ -168,77 +169,6 @@ class AnswerBacklog(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA)
 
     voltages: tuple[Voltages, ...]
     paths: tuple[Path, ...]
-
-
-class SettingsRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
-    """Other settings for the controller's blocks: gains and target time in one tick, a model in one tick, the mass of
-    a box, or offsets of the encoders.
-
-    The simulation service alone sends it, after its checks; everybody else sends it an UploadRequest.
-
-    Attributes:
-        gains: gains of the computed-torque law, together with a target time.
-        target_time: duration of every motion from the next one on, s.
-        model: the arm as the controller shall believe it to be, alone; its Coulomb friction is not compensated.
-        payload: mass of a box as the controller shall assume it, kg, alone.
-        encoder_offset: offsets that are taken off what the encoders read, rad, alone.
-    """
-
-    gains: Gains | None = None
-    target_time: float | None = None
-    model: ArmParameters | None = None
-    payload: float | None = None
-    encoder_offset: Triple | None = None
-
-
-class SettingsInForce(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
-    """All settings that the controller's blocks have.
-
-    Attributes:
-        gains: gains of the computed-torque law.
-        target_time: duration of the next motion, s.
-        model: the arm as the controller believes it to be.
-        law: computed_torque, row_sum or cascade.
-        payload: assumed mass of a box, kg.
-        payload_model: how a held box counts: as a point mass or by its weight alone.
-        delay: time from a sample until its voltages act that the cascade counts on, s.
-        dead_zone: voltage lost in every amplifier that the cascade counts on, V.
-        bandwidth: double pole of the cascade's observer, rad/s.
-        encoder_offset: known offsets of the encoders, which are taken off what they read, rad.
-    """
-
-    gains: Gains
-    target_time: float
-    model: ArmParameters
-    law: Law
-    payload: float
-    payload_model: PayloadModel
-    delay: float = 0.01
-    dead_zone: float = 0.0
-    bandwidth: float = 100.0
-    encoder_offset: Triple = (0.0, 0.0, 0.0)
-
-
-class SignalRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
-    """The blocks shall play the identification signal from the next sample on, or end it."""
-
-    run: bool
-
-
-class IdentificationSignal(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
-    """The 3-2-1-1 signal that the blocks play on request.
-
-    Attributes:
-        amplitude: V.
-        unit: unit of time of the signal, ticks.
-        delay: how much later each joint starts, ticks.
-        samples: length, ticks.
-    """
-
-    amplitude: Triple
-    unit: Count
-    delay: tuple[Count, Count, Count]
-    samples: Count
 
 
 class StopRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
@@ -416,8 +346,7 @@ WATCH: Final = Topic("twin/monitoring/watch", "query", WatchRequest, WatchState,
 RESIDUALS: Final = Topic("twin/monitoring/residuals", "publication", MonitoringResiduals, None, "monitoring")
 TOPICS: Final = (
     *(SENSORS, VOLTAGES, ACTED, PATH, TRUTH, TICKS, EVENTS, STATUS, ALIVE),
-    *(SETTINGS, SIGNAL, STOP, RELEASE, DESK, FAULT, RESET, LATCH, SUMMARY),
-    *(SAMPLE_BACKLOG, ANSWER_BACKLOG),
+    *(SETTINGS, SIGNAL, STOP, RELEASE, DESK, FAULT, RESET, LATCH, SAMPLE_BACKLOG, ANSWER_BACKLOG, SUMMARY),
     *(IDENTIFICATION, IDENTIFY, DECIDE, UPLOAD, PREDICT, ROLL_BACK, MONITORING, RESIDUALS, ACKNOWLEDGE, WATCH),
 )
 """All there is on the bus. `*` stands for the service's name; a query's sender is who answers it."""

@@ -149,7 +149,8 @@ def test_all_kinds_of_events_are_described_and_unknown_ones_are_passed_on() -> N
 @pytest.mark.parametrize(
     ("message", "payload", "said"),
     [
-        (SettingsRequest, b'{"schema":1,"gains":{"kp":[1,2,-3]}}', "kp3"),
+        (SettingsRequest, b'{"schema":1,"gains":{"kp":[1,2,-3],"ki":[1,2,3],"kd":[1,2,3]}}', "kp3"),
+        (SettingsRequest, b'{"schema":1,"gains":{"kp":[1,2,3]}}', "ki"),
         (SettingsRequest, b'{"schema":1,"model":{"mass":[0.1,0,0.1]}}', "m2"),
         (SettingsRequest, b'{"schema":1,"target_time":"2"}', "target_time"),
     ],

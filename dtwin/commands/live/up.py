@@ -14,7 +14,8 @@ from dtwin.bus.messages import ServiceSummary, Summary
 from dtwin.commands.live.status import news, table
 from dtwin.errors import CommunicationError
 from dtwin.services import runfile
-from dtwin.services.launch import LOOK, CellOptions, launched
+from dtwin.services.launch import CellOptions, launched
+from dtwin.services.launched import LOOK
 from dtwin.services.supervisor import Supervisor
 from dtwin.terminal import as_text, print_json, printable
 from dtwin.view.viewer import has_gpu

@@ -69,7 +69,7 @@ _REQUESTS: Final[dict[Topic, msgspec.Struct]] = {
     RESET: ResetRequest(5),
     FAULT: FaultRequest(("K2*=0.1@0",)),
     LATCH: LatchRequest("torque off"),
-    SETTINGS: SettingsRequest(Gains((1.0, 1.0, 1.0)), 2.0),
+    SETTINGS: SettingsRequest(Gains((1.0, 1.0, 1.0), (1.0, 1.0, 1.0), (1.0, 1.0, 1.0)), 2.0),
     SIGNAL: SignalRequest(True),
 }
 
