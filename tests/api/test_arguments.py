@@ -50,7 +50,7 @@ def test_a_bad_argument_of_a_cell_is_named(given: dict[str, Any], said: str) -> 
         (dtwin.monitor, {"data": "a.parquet", "method": "x"}, "unknown argument 'method': expected data, model, "),
         (dtwin.simulate, {"goal": "moon"}, "moon"),
         (dtwin.optimise, {"candidates": 0}, "candidates"),
-        (dtwin.optimise, {"box": (1, 2, 3)}, "box: expected 2 numbers, got (1, 2, 3)"),
+        (dtwin.optimise, {"box": (1, 2, 3)}, "box: expected 2 numbers or None, got (1, 2, 3)"),
     ],
 )
 def test_a_bad_argument_of_a_function_is_named(

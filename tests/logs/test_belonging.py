@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import dtwin
 from dtwin.errors import RecordingError
 from dtwin.logs.belonging import check_belonging
 from dtwin.logs.log import Log
@@ -45,6 +46,12 @@ def test_what_is_mixed_up_is_named(healthy: Log, name: str) -> None:
 @pytest.mark.parametrize("fault", ["freeze2@5", "supply*=0.6@5"])
 def test_a_faulty_arm_is_no_wrong_log(fault: str) -> None:
     assert said(made(faults=(fault,))) == ""
+
+
+@pytest.mark.parametrize(("machine", "seed", "seconds"), [("weak-motor", 1, 20), ("delay", 4, 60), ("ideal", 2, 60)])
+def test_readings_without_noise_are_not_taken_for_late_ones(machine: str, seed: int, seconds: int) -> None:
+    log = dtwin.Cell(machine=machine, seed=seed).run(seconds).log
+    check_belonging("a log", log, ArmParameters())
 
 
 def test_a_log_that_tells_nothing_is_not_judged(healthy: Log) -> None:
