@@ -30,7 +30,7 @@ _CLEAR: Final = 0.1
 """Log of the ratio of unexplained variances before and after a sample, summed over the joints, from which on it was
 answered."""
 _FIRST: Final = 20.0
-"""How many times as much as any other sample it explains. With noise of 0.1 mrad it is 50 to 100 times as much; readings
+"""How many times as much as any other sample it explains. With noise of 0.1 mrad it is 50 to 100 times; readings
 without noise, which tell nothing, came to 8 times by chance."""
 
 
