@@ -90,8 +90,11 @@ def test_a_cell_tells_its_user_where_its_controller_is(desk: Desk) -> None:
     assert "is down" in desk.run("down")
 
 
-def test_a_path_too_long_for_sockets_is_one_line(desk: Desk) -> None:
-    said = desk.run("up", "--cell", "x" * 100, status=2)
+def test_a_path_too_long_for_sockets_is_one_line(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+    deep = desk.folder / ("x" * 100)
+    deep.mkdir(mode=0o700)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(deep))
+    said = desk.run("up", status=2)
     assert "expected at most 107 for a socket" in said
     assert len(said.strip().splitlines()) == 1
 

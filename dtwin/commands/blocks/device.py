@@ -30,7 +30,7 @@ from dtwin.iec61499.management.client import ManagementClient
 from dtwin.iec61499.management.protocol import ManagementError
 from dtwin.iec61499.management.server import ManagementServer
 from dtwin.iec61499.mapping import management_address
-from dtwin.iec61499.net.address import parse_listening_address, parse_stream_address
+from dtwin.iec61499.net.address import StreamAddress, parse_listening_address, parse_stream_address
 from dtwin.iec61499.net.reactor import Reactor
 from dtwin.parameters import ROOT
 from dtwin.run.cell_file import task_named
@@ -41,8 +41,9 @@ from dtwin.terminal import LineFormatter, RateLimit, printable
 class FbRun:
     """Run function blocks in real time, as a device on which 4diac IDE and `dtwin fb deploy` can build.
 
-    It begins with FILE if there is one, and goes on until Ctrl-C or SIGTERM. Errors of peers go to standard error,
-    few of one kind in a minute.
+    It begins with FILE if there is one, and goes on until Ctrl-C or SIGTERM; a test ends it, too: a FILE with a block
+    STEST_END. Its status is 1 if a TEST_CONDITION or a resource of the test failed, or the last resource ended in an
+    error. Errors of peers go to standard error, few of one kind in a minute.
     """
 
     file: Annotated[Path | None, tyro.conf.Positional] = None
@@ -80,22 +81,21 @@ class FbRun:
             return self._run_all(system)
         address = parse_listening_address(self.listen or self._address(system) or "127.0.0.1:61499")
         with Reactor() as reactor, _signals_to(reactor.stop):
-            device = EmbeddedDevice(reactor, library, address)
+            over = threading.Event()
+
+            def test_over() -> None:
+                if self.file is not None:
+                    over.set()
+                    reactor.stop()
+
+            device = EmbeddedDevice(reactor, library, address, test_over)
             try:
                 self._load(device, system)
-                server = ManagementServer(reactor, address, device.handle)
-                print(f"management on {server.address}")
-                for name, where in device.addresses().items():
-                    print(printable(f"{name} on {where}"))
-                print("running; Ctrl-C ends it", flush=True)
-                # a look through all that has been loaded takes longer than a tick may
-                gc.collect()
-                gc.freeze()
-                reactor.run()
-                server.close()
+                if not over.is_set():
+                    _serve(reactor, address, device)
+                return int(device.has_failed)
             finally:
                 device.close()
-        return 0
 
     def _system(self, library: Library) -> model.System | None:
         """The system of FILE, which has the device of --device; None for no file or a boot file."""
@@ -151,7 +151,21 @@ class FbRun:
                 processes.start(device.name, [*command, "--device", device.name])
             while not stop.wait(0.1) and processes.all_run():
                 pass
-            return 0 if stop.is_set() else 1
+            return 0 if stop.is_set() else processes.status()
+
+
+def _serve(reactor: Reactor, address: StreamAddress, device: EmbeddedDevice) -> None:
+    """Says where the device listens, and works until it is told to stop."""
+    server = ManagementServer(reactor, address, device.handle)
+    print(f"management on {server.address}")
+    for name, where in device.addresses().items():
+        print(printable(f"{name} on {where}"))
+    print("running; Ctrl-C ends it", flush=True)
+    # a look through all that has been loaded takes longer than a tick may
+    gc.collect()
+    gc.freeze()
+    reactor.run()
+    server.close()
 
 
 class _Processes:
@@ -182,6 +196,10 @@ class _Processes:
     def all_run(self) -> bool:
         """Whether no process has ended."""
         return all(process.poll() is None for process in self._running)
+
+    def status(self) -> int:
+        """1 if a process has ended in a failure, else 0."""
+        return int(any(process.returncode for process in self._running))
 
 
 @contextmanager

@@ -308,6 +308,25 @@ DEPARTURES: Final = (
         "E_(R?DELAY|CYCLE)",
         uses.may_be_shorter_than_a_tick,
     ),
+    Departure(
+        "E_RESTART",
+        "START of a resource after STOP, or after KILL and RESET",
+        "WARM after STOP, COLD after RESET, and events are delivered again",
+        "FORTE 2.0 answers OK, but delivers neither WARM, COLD nor any other event, and leaves a second STOP without "
+        "an answer: end its process, or delete and build the resource anew",
+        _AS_STANDARD,
+        "E_RESTART",
+        uses.never,
+    ),
+    Departure(
+        "any block",
+        "read after KILL or RESET of its resource",
+        "not defined after KILL; initial values after RESET",
+        "FORTE 2.0 keeps the last values of outputs and counters after both",
+        "initial values after both",
+        ".*",
+        uses.never,
+    ),
 )
 """The table; a use may fall under several rows."""
 

@@ -40,6 +40,11 @@ def always(use: Use) -> bool:
     return True
 
 
+def never(use: Use) -> bool:
+    """For a row that is about managing a resource: no use of a block shows whether it will occur."""
+    return False
+
+
 def integer_with_real(use: Use) -> bool:
     first = use.types.get("IN0" if use.type_name == "F_SEL" else "IN" if use.type_name == "F_LIMIT" else "IN1")
     return first is not None and kind(first) in ("signed", "unsigned") and use.has("real")

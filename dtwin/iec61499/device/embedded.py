@@ -24,6 +24,7 @@ from dtwin.iec61499.management.protocol import (
 from dtwin.iec61499.mapping import device_network
 from dtwin.iec61499.net.address import StreamAddress
 from dtwin.iec61499.net.reactor import Reactor
+from dtwin.iec61499.runtime.checks import END, Checks, EndOfTest
 from dtwin.iec61499.runtime.communication import LocalTransport
 
 RESOURCE_TYPE = "EMB_RES"
@@ -40,9 +41,19 @@ class EmbeddedDevice:
         library: the block types that the device has.
         management: address at which the device is managed. Multicast uses its network interface; SERVER blocks listen
             in its folder, if it is a Unix domain socket.
+        test_over: called when a test has ended: by an STEST_END, or in an error of a resource of a program with one.
     """
 
-    def __init__(self, reactor: Reactor, library: Library, management: StreamAddress) -> None:
+    def __init__(
+        self,
+        reactor: Reactor,
+        library: Library,
+        management: StreamAddress,
+        test_over: Callable[[], None] = lambda: None,
+    ) -> None:
+        self._test_over = test_over
+        self._checks = Checks()
+        self._failed = False
         self._reactor = reactor
         self._library = library
         self._management = management
@@ -55,6 +66,16 @@ class EmbeddedDevice:
         """Where SERVER and SUBSCRIBE blocks listen, by dotted name."""
         resources = self._resources.values()
         return {name: address for resource in resources for name, address in resource.addresses().items()}
+
+    @property
+    def has_failed(self) -> bool:
+        """Whether a check has failed, or an error has ended a resource and none runs any more."""
+        running = any(resource.state == "RUNNING" for resource in self._resources.values())
+        return bool(self._checks.failed) or (self._failed and (self._is_test() or not running))
+
+    def _is_test(self) -> bool:
+        """Whether a resource has a block that ends a test."""
+        return any(block.type_name == END for resource in self._resources.values() for block in resource.blocks())
 
     def load_system(self, system: model.System, name: str = "") -> None:
         """Creates and starts the resources of a system configuration.
@@ -209,4 +230,12 @@ class EmbeddedDevice:
         self._resources[subject.name] = resource
 
     def _launch(self, network: model.FBNetwork, failed: Callable[[], None]) -> Runner:
-        return Runner(network.file, self._reactor, network, self._library, self._local, self._management, failed)
+        def ended(error: Exception) -> None:
+            failed()
+            test = isinstance(error, EndOfTest)
+            self._failed = self._failed or not test
+            if test or self._is_test():
+                self._test_over()
+
+        where = self._library, self._local, self._management
+        return Runner(network.file, self._reactor, network, *where, ended, self._checks)

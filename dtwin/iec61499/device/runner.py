@@ -21,6 +21,7 @@ from dtwin.iec61499.library import Library
 from dtwin.iec61499.net.address import StreamAddress
 from dtwin.iec61499.net.reactor import Reactor, Timer
 from dtwin.iec61499.net.transport import NetworkTransport
+from dtwin.iec61499.runtime.checks import Checks, EndOfTest
 from dtwin.iec61499.runtime.communication import LocalTransport
 from dtwin.iec61499.runtime.resource import Resource
 from dtwin.iec61499.st.semantics import COMPUTING_TIME
@@ -54,7 +55,8 @@ class Runner:
         library: finds the block types that the network uses.
         local: connects blocks in process, also with those of other resources.
         management: address of the device's management.
-        failed: called when an error has ended it.
+        ended: called when an error, or the end of a test, has ended it.
+        checks: where the checks of the program are counted.
 
     Raises:
         FunctionBlockError: the network or one of its types is wrong.
@@ -68,11 +70,12 @@ class Runner:
         library: Library,
         local: LocalTransport,
         management: StreamAddress,
-        failed: Callable[[], None],
+        ended: Callable[[Exception], None],
+        checks: Checks,
     ) -> None:
         self._name = name
         self._reactor = reactor
-        self._failed = failed
+        self._ended = ended
         self._paused = False
         self._busy = False
         self._waiting: deque[Callable[[], None]] = deque()
@@ -86,6 +89,7 @@ class Runner:
         self._transport = NetworkTransport(reactor, local, self.perform, self.receive, management)
         iterations = chain.from_iterable(self._rounds())
         self._resource = Resource(network, library, self._transport, lambda: iterations)
+        self._resource.checks = checks
         self._origin = 0
 
     @property
@@ -185,9 +189,12 @@ class Runner:
             idle, ended = self._deliver()
             self._account(ended, time.thread_time() - began)
         except Exception as error:
-            log.error("resource %s ended: %s", self._name, _text(error))
+            test = isinstance(error, EndOfTest)
+            checks = self._resource.checks
+            level = logging.WARNING if test and not checks.failed else logging.ERROR
+            log.log(level, "resource %s ended: %s", self._name, checks if test else _text(error))
             self.close()
-            self._failed()
+            self._ended(error)
             return
         finally:
             self._busy = False

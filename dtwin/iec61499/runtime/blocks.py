@@ -11,6 +11,7 @@ from typing import Any
 
 from dtwin.errors import FunctionBlockError, choices
 from dtwin.iec61499 import model
+from dtwin.iec61499.runtime.checks import EndOfTest
 from dtwin.iec61499.runtime.communication import CommunicationPort
 from dtwin.iec61499.runtime.compile import CompiledType, compile_type
 from dtwin.iec61499.runtime.linking.netlist import Node
@@ -211,6 +212,8 @@ def _hint(name: str, valid: Sequence[str]) -> str:
 
 def located(error: Exception, event: str) -> FunctionBlockError:
     """The error as one of the block that got the event."""
+    if isinstance(error, EndOfTest):
+        return error
     if isinstance(error, FunctionBlockError):
         return FunctionBlockError(f"{event}: {error.message}", error.file, error.line, error.column)
     return FunctionBlockError(f"{event}: {type(error).__name__}: {error}")

@@ -10,6 +10,7 @@ from typing import Any, Final
 from dtwin.errors import FunctionBlockError
 from dtwin.iec61499 import model
 from dtwin.iec61499.literals import format_literal
+from dtwin.iec61499.runtime.checks import EndOfTest
 from dtwin.iec61499.runtime.service_interface import ServiceBehaviour
 from dtwin.iec61499.types import ArrayType, DataType, StructType
 
@@ -135,6 +136,7 @@ def _appender(inputs: list[tuple[str, Any]]) -> Handler:
 def _tester(types: Types) -> Handler:
     def test(s: Any) -> None:
         log.log(logging.INFO if s.check else logging.ERROR, "%s %s", s.name__, "passed" if s.check else "failed")
+        s.resource__.checks.add(s.name__, s.check)
         s.extend__(s.to__CNF)
 
     return test
@@ -152,7 +154,7 @@ def _printer(types: Types) -> Handler:
 
 def _ender(types: Types) -> Handler:
     def end(s: Any) -> None:
-        raise FunctionBlockError("the test has ended")
+        raise EndOfTest(f"{s.name__}.REQ: the test has ended")
 
     return end
 
