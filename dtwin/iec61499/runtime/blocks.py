@@ -11,7 +11,7 @@ from typing import Any
 
 from dtwin.errors import FunctionBlockError, choices
 from dtwin.iec61499 import model
-from dtwin.iec61499.runtime.checks import EndOfTest
+from dtwin.iec61499.runtime.checks import Checks, EndOfTest
 from dtwin.iec61499.runtime.communication import CommunicationPort
 from dtwin.iec61499.runtime.compile import CompiledType, compile_type
 from dtwin.iec61499.runtime.linking.netlist import Node
@@ -30,9 +30,14 @@ class Snapshot:
 
 
 class Blocks:
-    """Instances of block types, in the order of the nodes of a netlist; values may be read and written at will."""
+    """Instances of block types, in the order of the nodes of a netlist; values may be read and written at will.
+
+    Attributes:
+        checks: what TEST_CONDITION blocks have found; another object may be put in its place.
+    """
 
     def __init__(self) -> None:
+        self.checks = Checks()
         self._types: list[CompiledType] = []
         self._instances: list[Any] = []
         self._initial: list[tuple[Any, ...]] = []

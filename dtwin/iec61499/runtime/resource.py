@@ -17,7 +17,6 @@ from dtwin.errors import FunctionBlockError, choices
 from dtwin.iec61499 import model
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.runtime.blocks import Blocks, Snapshot, located
-from dtwin.iec61499.runtime.checks import Checks
 from dtwin.iec61499.runtime.communication import AttachedServer, LocalTransport, Transport
 from dtwin.iec61499.runtime.compile import CompiledType
 from dtwin.iec61499.runtime.entries import Member
@@ -61,7 +60,6 @@ class Resource(Blocks):
         time: the resource's time, ns.
         transport: the transport in use.
         iterations: the iterator of the chain that runs.
-        checks: what its TEST_CONDITION and STEST_END blocks have found; another object may be put in its place.
 
     Raises:
         FunctionBlockError: the network or one of its types is wrong; names file and line.
@@ -77,7 +75,6 @@ class Resource(Blocks):
         super().__init__()
         self.time = 0
         self.iterations = budget()
-        self.checks = Checks()
         self._budget = budget
         self._activations = 0
         self.transport: Transport = transport or LocalTransport()
