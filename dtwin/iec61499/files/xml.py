@@ -9,6 +9,7 @@ from typing import Any, Final
 from lxml import etree
 
 from dtwin.errors import FunctionBlockError, choices
+from dtwin.iec61499.files.dialects import dialect_of_namespace, dialect_of_text
 
 MAXIMUM_SIZE: Final = 4 * 2**20
 """Most bytes of a file."""
@@ -38,6 +39,11 @@ class XmlElement:
     @property
     def tag(self) -> str:
         return str(self._element.tag)
+
+    @property
+    def namespaces(self) -> str:
+        """The XML namespaces that the element declares or is in."""
+        return " ".join(map(str, self._element.nsmap.values()))
 
     @property
     def line(self) -> int:
@@ -93,7 +99,7 @@ def read_xml(path: Path) -> XmlElement:
     """The root element of a file.
 
     Raises:
-        FunctionBlockError: the file cannot be read, is not well-formed, defines or uses entities, is larger than
+        FunctionBlockError: the file cannot be read, is one of another tool, is not well-formed, defines or uses entities, is larger than
             MAXIMUM_SIZE or deeper than MAXIMUM_DEPTH.
     """
     try:
@@ -101,7 +107,14 @@ def read_xml(path: Path) -> XmlElement:
             data = stream.read(MAXIMUM_SIZE + 1)
     except OSError as error:
         raise FunctionBlockError(f"cannot be read: {error.strerror}", str(path)) from None
-    return parse_xml(data, str(path))
+    other = "" if data.lstrip()[:1] == b"<" else dialect_of_text(data)
+    if other:
+        raise FunctionBlockError(other, str(path))
+    root = parse_xml(data, str(path))
+    other = dialect_of_namespace(root.namespaces)
+    if other:
+        raise root.error(other)
+    return root
 
 
 def parse_xml(data: bytes, file: str) -> XmlElement:
