@@ -99,8 +99,8 @@ def read_xml(path: Path) -> XmlElement:
     """The root element of a file.
 
     Raises:
-        FunctionBlockError: the file cannot be read, is one of another tool, is not well-formed, defines or uses entities, is larger than
-            MAXIMUM_SIZE or deeper than MAXIMUM_DEPTH.
+        FunctionBlockError: the file cannot be read, is another tool's, is not well-formed, defines or uses entities,
+            is larger than MAXIMUM_SIZE or deeper than MAXIMUM_DEPTH.
     """
     try:
         with path.open("rb") as stream:
