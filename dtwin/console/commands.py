@@ -54,7 +54,7 @@ class Form(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class Reasoned(Form, frozen=True):
     """A form with a reason in the words of who asks."""
 
-    why: Line = "from the console"
+    why: Line = "no reason given"
 
 
 class Decision(Form, frozen=True):
@@ -151,7 +151,10 @@ class ConsoleCommand:
 
 def _missing(state: CellState, service: str, option: str) -> str:
     health = state.services.get(service)
-    return "" if health is not None and health.here else f"no {service} service: `dtwin up {option}` starts one"
+    if health is not None and health.here:
+        return ""
+    command = f"dtwin up {option}".strip()
+    return f"no {service} service: `{command}` starts one"
 
 
 def _never_blocked(state: CellState) -> str:
@@ -164,7 +167,7 @@ def _release_blocked(state: CellState) -> str:
     return "the arm still brakes" if state.stop == "braking" else ""
 
 
-def _acknowledge_blocked(state: CellState) -> str:
+def _learn_blocked(state: CellState) -> str:
     if reason := _missing(state, "monitoring", "--monitoring"):
         return reason
     verdict = state.verdict
@@ -262,12 +265,12 @@ COMMANDS: Final = {
             _release_blocked,
         ),
         ConsoleCommand(
-            "acknowledge",
+            "learn",
             "operator",
             Parameter,
             ACKNOWLEDGE,
             lambda form, user, files: AcknowledgeRequest(form.parameter),
-            _acknowledge_blocked,
+            _learn_blocked,
         ),
         ConsoleCommand(
             "watch",

@@ -66,7 +66,8 @@ def _found(
         verdict = None
     for name, unit in ({} if verdict is None else verdict.units).items():
         if unit.state != "nominal":
-            text = f"{name} {unit.state}" + (f": {unit.text}" if unit.text else "")
+            # Confidence and time stand with the finding itself: the line of all that is abnormal is short.
+            text = f"{name} {unit.state}" + (f": {unit.text.partition(', confidence')[0]}" if unit.text else "")
             yield Condition(f"finding {name}", "finding", text, unit.state == "failed")
     if settings is not None and settings.on_trial:
         yield Condition("trial", "trial", f"version {settings.version} of the settings is on trial")

@@ -11,7 +11,7 @@ import msgspec
 from dtwin.bus.messages import StopRequest
 from dtwin.bus.session import Bus
 from dtwin.bus.stopping import stop
-from dtwin.bus.twin_messages import DeskState
+from dtwin.bus.twin_messages import DeskState, MonitoringVerdict, Upload, WatchState
 from dtwin.console.annunciator import Annunciator, Treatment
 from dtwin.console.commands import COMMANDS, ConsoleCommand, Files
 from dtwin.console.conditions import STALE
@@ -177,10 +177,10 @@ class Console:
         if isinstance(message, StopRequest):
             stopped = stop(self._bus, message)
             trouble = f"; the torque is off, because: {stopped.trouble}" if stopped.trouble else ""
-            return Answer(True, _words(stopped.state) + trouble, msgspec.to_builtins(stopped.state))
+            return Answer(True, words(stopped.state) + trouble, msgspec.to_builtins(stopped.state))
         assert command.topic.reply is not None
         reply: Any = self._bus.ask(command.topic, message, command.topic.reply)
-        return Answer(True, _words(reply), msgspec.to_builtins(reply))
+        return Answer(True, words(reply), msgspec.to_builtins(reply))
 
     def keep_desk(self, session: Session) -> None:
         """Passes on a sign of life of a session, which keeps the desk if it has it and may command."""
@@ -296,8 +296,15 @@ def _not_at(desk: DeskState | None, session: Session) -> str:
     return f"{desk.user} has the desk" if desk.session else NOT_YOURS
 
 
-def _words(reply: Any) -> str:
-    """An answer of the bus in words."""
+def words(reply: Any) -> str:
+    """An answer of the bus in words: what is so now."""
+    if isinstance(reply, Upload) and reply.action != "refuse":
+        return f"version {reply.version} in force since {reply.time:.1f} s{', on trial' if reply.on_trial else ''}"
+    if isinstance(reply, WatchState):
+        return f"the monitor watches with {reply.model}" if reply.running else "the monitor is stopped"
+    if isinstance(reply, MonitoringVerdict):
+        told = [f"{name} {unit.state}" for name, unit in reply.units.items() if unit.state != "nominal"]
+        return "the arm as it is now counts as normal" + (f"; still told: {', '.join(told)}" if told else "")
     if (stop := getattr(reply, "stop", None)) is not None:
         return "the arm moves" if stop == "none" else f"stop: {stop}"
     return getattr(reply, "text", "") or "done"

@@ -58,7 +58,9 @@ class Finding(msgspec.Struct, frozen=True):
         if unit == RELATIVE:
             amount = f", {100 * self.size:+.1f} % +- {100 * self.deviation:.1f} %"
         elif unit is not None:
-            amount = f", {self.size:+.3g} +- {self.deviation:.1g} {unit}"
+            # Angles are told in mrad wherever they are small.
+            scale, told = (1e3, f"m{unit}") if unit.startswith("rad") else (1.0, unit)
+            amount = f", {scale * self.size:+.3g} +- {scale * self.deviation:.1g} {told}"
         where = f" of joint {self.joint}" if self.joint else ""
         instead = "".join(f" or {parse_fault_id(each).where}" for each in self.others)
         sure = f"confidence {100 * self.confidence:.0f} %{instead and ','}{instead}"

@@ -22,7 +22,7 @@ PAINTED = """async (value) => {
     const write = context.fillText.bind(context);
     const texts = [];
     context.fillText = (text, ...place) => { texts.push(text); write(text, ...place); };
-    drawIndicators(canvas, [{ unit: "V", low: -9, high: 9, value, band: [-4, 4], limits: [-8, 8], digits: 1 }]);
+    drawIndicators(canvas, [{ low: -9, high: 9, value, band: [-4, 4], limits: [-8, 8] }]);
     canvas.remove();
     return texts;
 }"""

@@ -50,7 +50,7 @@ def test_a_fault_is_found_identified_uploaded_and_confirmed(hand: Hand, cell: De
     expect(page.get_by_role("cell", name=re.compile("^confirm")).first).to_be_visible(timeout=SLOW)
     expect(page.locator("#alarm-line")).not_to_contain_text("on trial", timeout=SLOW)
     hand.open("Monitoring")
-    hand.press("Acknowledge all findings")
+    hand.press("Take as the new normal")
     hand.confirm()
     expect(row).to_contain_text("nominal", timeout=SLOW)
     expect(page.locator("#alarm-line")).to_contain_text("nothing abnormal", timeout=SLOW)

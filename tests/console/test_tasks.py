@@ -105,6 +105,7 @@ def test_settings_are_simulated_optimised_uploaded_and_rolled_back(hand: Hand) -
     page.get_by_label("Target time, s").fill("2.2")
     hand.press("Upload gains and target time")
     hand.confirm()
+    answered(page, "in force since")
     expect(page.locator("#alarm-line")).to_contain_text("on trial", timeout=SLOW)
     expect(page.locator("[data-command=rollback]")).to_have_attribute("aria-disabled", "false", timeout=SLOW)
     hand.press("Roll back")
@@ -148,10 +149,17 @@ def test_a_weak_motor_is_found_and_acknowledged(hand: Hand, cell: Desk) -> None:
     told = in_colour(page)
     assert len(told) >= 2
     assert [text for text in told if not told_in_words(text)] == []
-    hand.press("Acknowledge all findings")
-    hand.confirm()
-    expect(row).to_contain_text("nominal", timeout=SLOW)
+    expect(page.locator("[data-command=acknowledge]")).to_have_attribute("aria-disabled", "false", timeout=SLOW)
+    hand.press("Acknowledge the findings")
+    answered(page, "acknowledged:")
+    expect(row).to_contain_text("failed")
     assert hand.clicks == listed("Find the weak motor, acknowledge it")
+    hand.press("Take as the new normal")
+    expect(page.locator("dialog")).to_contain_text("reports this no more")
+    hand.confirm()
+    answered(page, "the arm as it is now counts as normal")
+    expect(row).to_contain_text("nominal", timeout=SLOW)
+    assert hand.clicks - 1 == listed("Find the weak motor, take it as the new normal")
 
 
 def test_the_monitor_is_stopped_and_started(hand: Hand, cell: Desk) -> None:

@@ -3,8 +3,10 @@ import { begin } from "./canvas.js";
 
 const LENGTHS = [0.15786938, 0.13246938, 0.1608];
 const PICKUP = "pickup";
-const SHOWN = { left: -0.43, right: 0.52, low: -0.38, high: 0.48 };
 const ROOM = 0.06;
+// What the arm can reach from joint 1, m: it may hang, and be turned anywhere; and the jaws beyond it, in units of the drawing.
+const REACH = LENGTHS[0] + LENGTHS[1] + LENGTHS[2];
+const JAWS = 18;
 const OPEN = 0.9;
 const CLOSED = 0.39265;
 
@@ -19,14 +21,13 @@ export function joints(theta) {
   return points;
 }
 
-/** What is shown, m: the usual part of the plane, and every place with room around it. */
+/** What is shown, m: all that the arm can reach, and every place with room around it. */
 function extent(places) {
-  const { left, right, low, high } = SHOWN;
   const spots = Object.values(places);
   const [xs, ys] = [spots.map(({ x }) => x), spots.map(({ y }) => y)];
   return {
-    left: Math.min(left, ...xs.map((x) => x - ROOM)), right: Math.max(right, ...xs.map((x) => x + ROOM)),
-    low: Math.min(low, ...ys.map((y) => y - ROOM)), high: Math.max(high, ...ys.map((y) => y + ROOM)),
+    left: Math.min(-REACH, ...xs.map((x) => x - ROOM)), right: Math.max(REACH, ...xs.map((x) => x + ROOM)),
+    low: Math.min(-REACH, ...ys.map((y) => y - ROOM)), high: Math.max(REACH, ...ys.map((y) => y + ROOM)),
   };
 }
 
@@ -36,7 +37,7 @@ export function drawArm(canvas, frame, places = {}) {
   if (!drawing) return;
   const { context, width, height, colours } = drawing;
   const shown = extent(places);
-  const scale = Math.min(width / (shown.right - shown.left), height / (shown.high - shown.low));
+  const scale = Math.min((width - 2 * JAWS) / (shown.right - shown.left), (height - 2 * JAWS) / (shown.high - shown.low));
   const middle = [(shown.left + shown.right) / 2, (shown.low + shown.high) / 2];
   const at = ([x, y]) => [width / 2 + scale * (x - middle[0]), height / 2 - scale * (y - middle[1])];
   for (const [name, place] of Object.entries(places)) {

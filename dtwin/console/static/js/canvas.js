@@ -1,6 +1,9 @@
 // What all drawings share: sharp pixels, and the colours of the theme.
 
+// Drawings are made in units of a fifteenth of the type's size, so that they grow with it.
+const UNITS = 15;
 let colours = null;
+let unit = 0;
 
 export function palette() {
   if (!colours) {
@@ -11,20 +14,25 @@ export function palette() {
   return colours;
 }
 
-export function forgetPalette() { colours = null; }
+/** After a change of the theme or of the size of the window. */
+export function forgetPalette() {
+  colours = null;
+  unit = 0;
+}
 
-/** The context of a canvas in CSS pixels, cleared; null while it is not seen. */
+/** The context of a canvas in units, which are CSS pixels at the smallest type, cleared; null while it is not seen. */
 export function begin(canvas) {
-  const width = canvas.clientWidth;
-  const height = canvas.clientHeight;
-  if (!width || !height) return null;
+  const [wide, high] = [canvas.clientWidth, canvas.clientHeight];
+  if (!wide || !high) return null;
   const ratio = window.devicePixelRatio || 1;
-  if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
-    canvas.width = Math.round(width * ratio);
-    canvas.height = Math.round(height * ratio);
+  if (canvas.width !== Math.round(wide * ratio) || canvas.height !== Math.round(high * ratio)) {
+    canvas.width = Math.round(wide * ratio);
+    canvas.height = Math.round(high * ratio);
   }
+  unit ||= parseFloat(getComputedStyle(document.documentElement).fontSize) / UNITS;
+  const [width, height] = [wide / unit, high / unit];
   const context = canvas.getContext("2d");
-  context.setTransform(ratio, 0, 0, ratio, 0, 0);
+  context.setTransform(ratio * unit, 0, 0, ratio * unit, 0, 0);
   context.clearRect(0, 0, width, height);
   context.font = "12px system-ui, sans-serif";
   return { context, width, height, colours: palette() };

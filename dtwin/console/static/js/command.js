@@ -12,9 +12,13 @@ export function blocked(name) {
 
 /**
  * A button with its reason and its answer.
- * options: name of the command, title, confirm (question, or none), form (gives the content), done (called with the answer)
+ * options: name of the command, title, confirm (question, or none), form (gives the content), done (called with the answer);
+ * reason (why it cannot be given now) and send (gives it) are those of a command of the bus, if nothing else is said
  */
-export function commandButton({ name, title, confirm = null, form = () => ({}), done = () => {} }) {
+export function commandButton({
+  name, title, confirm = null, form = () => ({}), done = () => {},
+  reason = () => blocked(name), send = (content) => post(`/api/command/${name}`, content),
+}) {
   const id = `why-${name}-${title.toLowerCase().replace(/[^a-z0-9]+/g, "-")}`;
   const why = el("span", { class: "why", id });
   const answer = el("span", { class: "answer", role: "status", hidden: true });
@@ -26,7 +30,7 @@ export function commandButton({ name, title, confirm = null, form = () => ({}), 
     setText(answer, refused ? `✕ ${text}` : `✓ ${text}`);
   };
   button.addEventListener("click", async () => {
-    if (busy || blocked(name)) return;
+    if (busy || reason()) return;
     let content;
     try {
       content = form();
@@ -37,16 +41,16 @@ export function commandButton({ name, title, confirm = null, form = () => ({}), 
     if (confirm && !(await ask(title, typeof confirm === "function" ? confirm() : confirm))) return;
     busy = true;
     refresh();
-    const result = await post(`/api/command/${name}`, content);
+    const result = await send(content);
     busy = false;
     refresh();
     show(result.text || (result.done ? "done" : "refused"), !result.done);
     done(result);
   });
   function refresh() {
-    const reason = busy ? "asked, waiting for the answer" : blocked(name);
-    button.setAttribute("aria-disabled", reason ? "true" : "false");
-    setText(why, reason);
+    const words = busy ? "asked, waiting for the answer" : reason();
+    button.setAttribute("aria-disabled", words ? "true" : "false");
+    setText(why, words);
   }
   refresh();
   return { node: el("div", { class: "command" }, button, why, answer), refresh };

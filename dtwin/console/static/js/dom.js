@@ -19,7 +19,8 @@ export function setText(node, text) {
 
 /** Makes children anew only when what they are made of differs. */
 export function rebuild(node, key, make) {
-  const text = JSON.stringify(key);
+  // Nothing known is something to be told, too.
+  const text = JSON.stringify(key ?? null);
   if (node.madeOf === text) return;
   node.madeOf = text;
   node.replaceChildren(...[make()].flat().filter((child) => child != null));
@@ -34,7 +35,9 @@ export function figures(rows) {
   return el("dl", { class: "figures" }, ...rows.flatMap(([name, value]) => [el("dt", {}, name), el("dd", {}, value)]));
 }
 
-export function table(caption, heads, rows, numeric = []) {
+/** A table, or the words that say why it is empty. */
+export function table(caption, heads, rows, { numeric = [], empty }) {
+  if (!rows.length) return el("p", { class: "why-not" }, empty);
   const cell = (tag, content, index, scope) =>
     el(tag, { class: numeric.includes(index) ? "number" : null, scope }, content);
   return el(

@@ -6,6 +6,8 @@ import { store } from "./store.js";
 import { forgetPalette } from "./canvas.js";
 
 const THEMES = ["light", "dark"];
+// Length of a condition that is not cut off in the line of what is abnormal.
+const BRIEF = 45;
 
 export function makeHead(node) {
   const title = el("h1", {}, "Cell console");
@@ -70,7 +72,7 @@ export function refreshAlarmLine(node) {
   const count = () => el("a", { href: "#alarms" }, `${open} unacknowledged${alarms?.flood ? `, flood: ${alarms.rate} in 10 minutes` : ""}`);
   rebuild(node, [found, open, alarms?.flood && alarms.rate], () => (open ? [count()] : []).concat(
     found.length
-      ? found.slice(0, 4).map((each) => el("span", { class: `tag ${each.severe ? "severe" : "warn"}` }, `${each.severe ? "▲" : "△"} ${each.text}`))
+      ? found.slice(0, 4).map((each) => el("span", { class: `tag ${each.severe ? "severe" : "warn"}${each.text.length < BRIEF ? " brief" : ""}` }, `${each.severe ? "▲" : "△"} ${each.text}`))
         .concat(found.length > 4 ? [el("span", {}, `and ${found.length - 4} more`)] : [])
       : [el("span", { class: "quiet" }, "nothing abnormal")]));
 }

@@ -1,4 +1,5 @@
 // Starts the page: session, stream, and the display that the address names.
+import { forgetPalette } from "./canvas.js";
 import { el } from "./dom.js";
 import { findSession } from "./api.js";
 import { follow } from "./stream.js";
@@ -55,7 +56,10 @@ function draw() {
 for (const kind of ["state", "you", "alarms"]) store.addEventListener(kind, refresh);
 store.addEventListener("frame", draw);
 window.addEventListener("hashchange", open);
-window.addEventListener("resize", draw);
+window.addEventListener("resize", () => {
+  forgetPalette();
+  draw();
+});
 setInterval(() => {
   refreshHead();
   document.body.classList.toggle("stale", store.stale || (!store.connected && !store.past));

@@ -6,6 +6,7 @@ import { field, form } from "../fields.js";
 import { store } from "../store.js";
 
 const SHAPES = { high: "▲", medium: "△", low: "▿" };
+const DONE = { acknowledge: "acknowledged", shelve: "shelved", unshelve: "taken off the shelf" };
 const HIDDEN = ["shelved", "suppressed by design"];
 
 export function makeAlarms() {
@@ -32,14 +33,15 @@ export function makeAlarms() {
 
   async function load() {
     const found = await get(`/api/alarms?words=${encodeURIComponent(words.input.value)}`).catch(() => null);
-    if (found) rebuild(history, found.rows, () => table("Newest first; times are UTC", found.columns, found.rows.map((row) => row.map((cell, k) => found.columns[k] === "time" ? cell.slice(0, 19).replace("T", " ") : cell))));
+    if (found) rebuild(history, found.rows, () => table("Newest first; times are UTC", found.columns, found.rows.map((row) => row.map((cell, k) => found.columns[k] === "time" ? cell.slice(0, 19).replace("T", " ") : cell)),
+      { empty: words.input.value ? "No change of an alarm has all these words." : "No alarm has come yet." }));
   }
   async function treat(action, name) {
     if (action === "shelve" && !(await ask("Shelve the alarm", `${name} is hidden for ${minutes.input.value} minutes.`))) return;
     const result = await post(`/api/alarm/${action}`, { name, why: why.input.value, minutes: Number(minutes.input.value) || 15 });
     answer.hidden = false;
     answer.classList.toggle("refused", !result.done);
-    setText(answer, result.done ? `✓ ${action}: ${name}` : `✕ ${result.text}`);
+    setText(answer, result.done ? `✓ ${DONE[action]}: ${name}` : `✕ ${result.text}`);
     load();
   }
   const button = (title, action, name) => el("button", { type: "button", "aria-label": `${title} ${name}`, onclick: () => treat(action, name) }, title);
@@ -57,11 +59,11 @@ export function makeAlarms() {
       : `${alarms?.rate ?? 0} alarms in the last 10 minutes${alarms?.flood ? ": ▲ a flood" : ""}${alarms?.floods ? `; floods in the history: ${alarms.floods}` : ""}${alarms?.trouble ? `; the journal is not written: ${alarms.trouble}` : ""}`);
     const key = alarms?.alarms ?? [];
     if (now.madeOf !== JSON.stringify(key)) load();
-    rebuild(now, key, () => key.length
-      ? table("Unacknowledged first, then by priority", ["State", "Priority", "Alarm", "What to do", "Plant time, s", "Times", "Answer"], key.map(row), [4, 5])
-      : el("p", { class: "quiet" }, "No alarm stands."));
+    rebuild(now, key, () => table("Unacknowledged first, then by priority", ["State", "Priority", "Alarm", "What to do", "Plant time, s", "Times", "Answer"], key.map(row),
+      { numeric: [4, 5], empty: store.past ? "Only the present has alarms that stand." : "No alarm stands." }));
     const shown = store.state;
-    rebuild(events, shown?.events, () => table("Newest first", ["s", "Kind", "What"], [...(shown?.events ?? [])].reverse().map((event) => [number(event.time, 2), event.kind.replaceAll("_", " "), event.text]), [0]));
+    rebuild(events, shown?.events, () => table("Newest first", ["s", "Kind", "What"], [...(shown?.events ?? [])].reverse().map((event) => [number(event.time, 2), event.kind.replaceAll("_", " "), event.text]),
+      { numeric: [0], empty: "Nothing has happened since the console listens." }));
   }
   return { node, state };
 }

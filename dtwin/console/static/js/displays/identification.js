@@ -55,7 +55,7 @@ export function makeIdentification() {
       el("span", {}, upload, " ", el("label", { for: "with-upload" }, "upload it to the controller, on trial")),
       el("span", {}, anyway, " ", el("label", { for: "anyway" }, "keep it even if it is in doubt")),
       el("div", { class: "row" }, accept.node, reject.node))),
-    panel("Fit: measured —, model before – –, proposed · ·", "w8", compare, fits, ...canvases),
+    panel("Fit of the models to the motion", "w8", compare, fits, ...canvases),
   );
 
   /** Proposes what the findings name, since they were noticed. */
@@ -87,7 +87,7 @@ export function makeIdentification() {
         const before = valueOf(model, key);
         const change = before ? (100 * (found.value - before)) / before : null;
         return [key, short(found.value, 5), short(NINETY_FIVE * found.standard_error, 2), before == null ? "–" : short(before, 5), change == null ? "–" : `${change.toFixed(1)} %`];
-      }), [1, 2, 3, 4]));
+      }), { numeric: [1, 2, 3, 4], empty: "Nothing has been estimated: excite the arm, or identify it at work." }));
   }
 
   function draw() {
@@ -96,7 +96,8 @@ export function makeIdentification() {
       const x = compared ? compared.measured[k].map((_, index) => index / 100) : [];
       drawCurves(canvas, {
         title: `Joint ${k + 1}`, unit: "rad", across: "s",
-        lines: compared ? ["measured", "before", "proposed"].map((key, dash) => ({ x, y: compared[key][k], dash, wide: dash === 0 })) : [],
+        empty: "Drawn when the models are shown against the motion.",
+        lines: compared ? ["measured", "before", "proposed"].map((key, dash) => ({ x, y: compared[key][k], dash, name: key, wide: dash === 0 })) : [],
       });
     });
   }

@@ -1,5 +1,6 @@
 // Level 2: is it still that arm? Measured against predicted, residuals, evidence, findings.
-import { el, number, panel, rebuild, setText, short, table } from "../dom.js";
+import { el, panel, rebuild, setText, table } from "../dom.js";
+import { acknowledgeFindings, learnNormal } from "../findings.js";
 import { commandButton } from "../command.js";
 import { drawTrend } from "../trend.js";
 import { store } from "../store.js";
@@ -15,7 +16,8 @@ export function makeMonitoring() {
   const evidence = canvas("Evidence of a sudden change with its threshold", "trend");
   const findings = el("div");
   const words = el("div", { class: "scroll short", tabindex: "0", role: "region", "aria-label": "What the monitor says" });
-  const acknowledge = commandButton({ name: "acknowledge", title: "Acknowledge all findings", confirm: "The arm as it is now counts as normal; only further change is reported." });
+  const acknowledge = acknowledgeFindings();
+  const learn = learnNormal();
   const fault = el("input", { id: "fault", value: "K2*=0.1@0", "aria-describedby": "fault-help" });
   const inject = commandButton({
     name: "fault", title: "Inject the fault", form: () => ({ fault: fault.value }),
@@ -24,10 +26,10 @@ export function makeMonitoring() {
   const watch = commandButton({ name: "watch", title: "Start the monitor" });
   const leave = commandButton({ name: "leave", title: "Stop the monitor", confirm: "Nothing is found any more, and no finding stops the arm, until the monitor is started again." });
   const model = el("p", { class: "quiet" });
-  const buttons = [acknowledge, inject, watch, leave];
+  const buttons = [acknowledge, learn, inject, watch, leave];
   const node = el(
     "div", { class: "grid" },
-    panel("Findings", "w8", findings, model, el("div", { class: "row" }, acknowledge.node, watch.node, leave.node)),
+    panel("Findings", "w8", findings, model, el("div", { class: "row" }, acknowledge.node, learn.node, watch.node, leave.node)),
     panel("Evidence", "w4", evidence, words),
     panel("Measured — and predicted – –, the last 20 s", "w6", ...angles),
     panel("Residuals, with the band of a healthy arm", "w6", ...residuals),
@@ -42,16 +44,13 @@ export function makeMonitoring() {
     const watched = store.state?.watch;
     setText(model, watched ? `${watched.running ? "Watched with" : "Stopped; would watch with"}: ${watched.model}` : "");
     rebuild(findings, verdict?.units, () => verdict
-      ? table("What the monitor says of each part of the arm", ["Part", "State", "Cause", "Changed", "Size", "Confidence", "Since, s"],
-        Object.entries(verdict.units).map(([name, unit]) => [
-          name, mark(unit.state), unit.cause.replaceAll("_", " "), unit.parameter,
-          unit.parameter ? `${short(unit.size, 3)} ± ${short(unit.deviation, 2)}` : "",
-          unit.confidence ? `${Math.round(100 * unit.confidence)} %` : "", unit.since ? number(unit.since, 2) : "",
-        ]), [4, 5, 6])
+      ? table("What the monitor says of each part of the arm", ["Part", "State", "Changed", "Cause and size"],
+        Object.entries(verdict.units).map(([name, unit]) => [name, mark(unit.state), unit.parameter, unit.text]),
+        { empty: "The monitor has not judged any part yet." })
       : el("p", {}, "Nobody watches the arm."));
-    const said = verdict && [Object.values(verdict.units).map((unit) => unit.text), verdict.forecasts, verdict.unobservable, verdict.missed, verdict.restarts];
+    const said = verdict && [verdict.forecasts, verdict.unobservable, verdict.missed, verdict.restarts];
     rebuild(words, said, () => verdict && [
-      ...Object.entries(verdict.units).filter(([, unit]) => unit.text).map(([name, unit]) => el("p", {}, `${name}: ${unit.text}`)),
+      verdict.forecasts.length ? null : el("p", { class: "why-not" }, "No slow change is on its way to a limit."),
       ...verdict.forecasts.map((text) => el("p", {}, `forecast: ${text}`)),
       el("p", { class: "quiet" }, verdict.unobservable.length ? `The last seconds could not show: ${verdict.unobservable.join(", ")}.` : ""),
       el("p", { class: "quiet" }, `Samples missed: ${verdict.missed}; estimates started anew: ${verdict.restarts}`),

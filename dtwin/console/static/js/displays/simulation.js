@@ -10,17 +10,18 @@ import { makeHistory, makeTrial } from "./trial.js";
 
 const PLACES = ["pickup", "blue", "red", "green", "home", "hanging"].map((name) => [name, name]);
 const MOST = 6;
+const WAITING = "Simulate draws the candidates here.";
 
 export function makeSimulation() {
   const start = choice("Start", PLACES, "pickup");
   const goal = choice("Goal", PLACES, "red");
-  const payload = field("Payload, kg", { type: "number", step: "any", min: 0, max: 1 }, "0.2");
+  const payload = field("Payload, kg", { type: "number", step: "any", min: 0, max: 1 });
   const model = choice("Model of the controller", [["", "the one in force"]], "");
   const arm = choice("Simulated arm", [["", "the model in force"]], "");
   const target = field("Target time, s", { type: "number", step: "any", min: 0.1, max: 60 });
   const gains = { kp: triple("kp, 1/s²"), ki: triple("ki, 1/s³"), kd: triple("kd, 1/s") };
   const judged = field("Candidates to judge", { type: "number", step: 40, min: 80, max: 2000 }, "400");
-  const why = field("Reason", { maxlength: 200 }, "from the console");
+  const why = field("Reason", { maxlength: 200, placeholder: "none given" });
   const candidates = el("div");
   let listed = [];
   let motions = [];
@@ -55,20 +56,26 @@ export function makeSimulation() {
     }),
     done: (result) => { motions = result.motions; showFigures(); draw(); },
   });
+  /** What a search is judged against: what is in force, not what stands in the form. */
+  const reference = () => {
+    const [now] = inForce();
+    if (!now) throw new Error("nobody knows what is in force: there is no simulation service");
+    return { gains: now.gains, target_time: now.target_time };
+  };
   const inForce = () => (store.live.state?.settings ? [{ name: "in force", gains: store.live.state.settings.gains, target_time: store.live.state.settings.target_time, model: null }] : []);
   const optimise = jobButton({
-    title: "Optimise", task: () => ({ task: "optimise", ...settings(), candidates: numberOf(judged.input, "candidates"), arm: arm.input.value || null }),
+    title: "Optimise", task: () => ({ task: "optimise", ...reference(), candidates: numberOf(judged.input, "candidates"), arm: arm.input.value || null }),
     done: (result) => { optimum = result; showOptimum(); draw(); },
   });
   const upload = commandButton({
     name: "upload", title: "Upload gains and target time", confirm: "The settings go to the controller, on trial: the arm may move otherwise. They are taken back if it leaves its path.",
-    form: () => ({ why: why.input.value, based_on: store.state?.settings?.version ?? 0, arm: arm.input.value || null, ...settings() }), done: () => history.load(),
+    form: () => ({ why: why.input.value || "no reason given", based_on: store.state?.settings?.version ?? 0, arm: arm.input.value || null, ...settings() }), done: () => history.load(),
   });
   const uploadModel = commandButton({
     name: "upload", title: "Upload the model", confirm: "The model goes to the controller, on trial: the arm may move otherwise.",
     form: () => {
       if (!model.input.value) throw new Error("choose a model that is not in force");
-      return { why: why.input.value, based_on: store.state?.settings?.version ?? 0, model: model.input.value };
+      return { why: why.input.value || "no reason given", based_on: store.state?.settings?.version ?? 0, model: model.input.value };
     },
     done: () => history.load(),
   });
@@ -98,7 +105,7 @@ export function makeSimulation() {
 
   function showCandidates() {
     rebuild(candidates, listed, () => listed.length ? table("Candidates beside what is in force", ["Name", "T, s", "kp", "ki", "kd"],
-      listed.map((one) => [one.name, short(one.target_time), ...["kp", "ki", "kd"].map((key) => one.gains[key].map((value) => short(value, 4)).join(" "))]), [1]) : null);
+      listed.map((one) => [one.name, short(one.target_time), ...["kp", "ki", "kd"].map((key) => one.gains[key].map((value) => short(value, 4)).join(" "))]), { numeric: [1] }) : null);
   }
   function showFigures() {
     const rows = [
@@ -110,7 +117,7 @@ export function makeSimulation() {
       ["Energy, J", (f) => number(f.energy, 2)],
     ];
     rebuild(figure, motions.map((motion) => [motion.name, motion.figures]), () => motions.length
-      ? table("What the twin predicts, with the real function blocks", ["", ...motions.map((motion) => motion.name)], rows.map(([name, of]) => [name, ...motions.map((motion) => of(motion.figures))]), motions.map((_, k) => k + 1))
+      ? table("What the twin predicts, with the real function blocks", ["", ...motions.map((motion) => motion.name)], rows.map(([name, of]) => [name, ...motions.map((motion) => of(motion.figures))]), { numeric: motions.map((_, k) => k + 1) })
       : null);
   }
   function showOptimum() {
@@ -118,12 +125,12 @@ export function makeSimulation() {
     take.addEventListener("click", () => fill(optimum.best));
     rebuild(best, optimum, () => optimum.broken
       ? el("p", {}, `No candidate keeps all limits; the best breaks that of ${optimum.broken}.`)
-      : [table(`Best of ${optimum.judged} candidates against the settings in use`, ["", "In use", "Found"], [
+      : [table(`Best of ${optimum.judged} candidates against the settings in force`, ["", "In force", "Found"], [
         ["Target time, s", number(optimum.reference.target_time), number(optimum.best.target_time)],
         ["Settling time, s", number(optimum.reference.terms.time), number(optimum.best.terms.time)],
         ["Farthest from the path, mrad", number(1000 * optimum.reference.terms.tracking, 1), number(1000 * optimum.best.terms.tracking, 1)],
         ["Cost", number(optimum.reference.cost), number(optimum.best.cost)],
-      ], [1, 2]), take]);
+      ], { numeric: [1, 2] }), take]);
   }
 
   function state() {
@@ -131,6 +138,7 @@ export function makeSimulation() {
     const now = store.state?.settings;
     if (now && !filled) {
       fill(now);
+      payload.input.value = short(now.payload, 4);
       filled = true;
     }
     trial.state();
@@ -139,14 +147,14 @@ export function makeSimulation() {
   function draw() {
     curves.forEach((canvas, k) => drawCurves(canvas, {
       title: `Joint ${k + 1}: off the path`, unit: "mrad", across: "s",
-      lines: motions.map((motion, dash) => ({ x: motion.time, y: motion.theta[k].map((value, i) => 1000 * (value - motion.path[k][i])), dash })),
+      lines: motions.map((motion, dash) => ({ x: motion.time, y: motion.theta[k].map((value, i) => 1000 * (value - motion.path[k][i])), dash, name: motion.name })), empty: WAITING,
     }));
-    drawCurves(volts, { title: "Joint 2: voltage and its limits", unit: "V", across: "s", levels: motions.length ? [-8, 8] : [], lines: motions.map((motion, dash) => ({ x: motion.time, y: motion.volts[1], dash })) });
+    drawCurves(volts, { title: "Joint 2: voltage and its limits", unit: "V", across: "s", levels: motions.length ? [-8, 8] : [], lines: motions.map((motion, dash) => ({ x: motion.time, y: motion.volts[1], dash, name: motion.name })), empty: WAITING });
     drawCurves(front, optimum && !optimum.broken ? {
-      title: "Farthest from the path", unit: "rad", across: "s to settle", points: optimum.points.map((point) => [point.time, point.tracking]),
-      lines: [{ x: optimum.front.map((point) => point.time), y: optimum.front.map((point) => point.tracking) }],
-      marks: [{ x: optimum.reference.terms.time, y: optimum.reference.terms.tracking, name: "in use" }, { x: optimum.best.terms.time, y: optimum.best.terms.tracking, name: "best", filled: true }],
-    } : { title: "Farthest from the path", unit: "rad", across: "" });
+      title: "Farthest from the path", unit: "mrad", across: "s to settle", points: optimum.points.map((point) => [point.time, 1000 * point.tracking]),
+      lines: [{ x: optimum.front.map((point) => point.time), y: optimum.front.map((point) => 1000 * point.tracking), name: "Pareto front" }],
+      marks: [{ x: optimum.reference.terms.time, y: 1000 * optimum.reference.terms.tracking, name: "in force" }, { x: optimum.best.terms.time, y: 1000 * optimum.best.terms.tracking, name: "best", filled: true }],
+    } : { title: "Farthest from the path", unit: "mrad", across: "", empty: "Optimise draws what it has judged here." });
     trial.draw();
   }
   return { node, state, draw };

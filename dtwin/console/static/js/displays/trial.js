@@ -8,6 +8,7 @@ import { store } from "../store.js";
 const LEAST = 10;
 const FACTOR = 1.5;
 const ALLOWANCE = 10;
+const LAST = { start: "Found in force", upload: "Uploaded", refuse: "Another one was refused", confirm: "Confirmed", "roll back": "Rolled back" };
 
 export function makeTrial() {
   const rollback = commandButton({ name: "rollback", title: "Roll back", confirm: "The settings before those on trial are in force again at once: the arm may move otherwise." });
@@ -27,7 +28,7 @@ export function makeTrial() {
     const time = store.frame?.time ?? 0;
     const left = now?.on_trial ? Math.max(0, Math.ceil(LEAST - (time - now.time))) : null;
     rebuild(words, now && [now.version, now.action, now.text, left, now.on_trial, now.on_trial ? Math.floor(time) : 0], () => now ? [
-      el("p", {}, el("strong", {}, `Version ${now.version}`), `: ${now.action}: ${now.text}`),
+      el("p", {}, el("strong", {}, `Version ${now.version}`), ` is in force. ${LAST[now.action] ?? now.action} at ${number(now.time, 1)} s: ${now.text}`),
       now.on_trial
         ? el("p", { class: "tag warn" }, left ? `△ on trial, at least ${left} s more` : "△ on trial, until a whole motion is judged")
         : null,
@@ -68,7 +69,7 @@ export function makeHistory() {
         String(entry.version), number(entry.time, 1), `${entry.action} ${entry.kind}`, entry.who, entry.why,
         entry.changed.slice(0, 8).map(([name, before, after]) => `${name} ${short(before, 4)} → ${short(after, 4)}`).join("; ") + (entry.changed.length > 8 ? "; ..." : ""),
         entry.text, entry.action === "upload" || entry.action === "start" ? again(entry.version) : "",
-      ]), [0, 1]);
+      ]), { numeric: [0, 1], empty: store.state?.settings ? "No change has been noted." : "Nobody notes the settings: there is no simulation service." });
     });
     state();
   }
