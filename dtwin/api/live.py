@@ -155,16 +155,23 @@ class LiveCell:
         return stop(self.bus, StopRequest(who or getpass.getuser(), why))
 
     @checked
-    def inject(self, fault: str) -> Done:
+    def inject(self, fault: str, *, after: float = 0.0) -> Done:
         """Lets a fault happen to the emulated arm.
 
         Args:
-            fault: as for `dtwin run --fault`; without @START it begins now, as one does whose start has passed.
+            fault: as for `dtwin run --fault`; one whose start has passed begins now.
+            after: plant time from now until a fault without @START begins, s, at least 0.
 
         Raises:
+            ParameterError: `after` is below 0 or not finite, or the fault has a start of its own beside it.
             CommunicationError: the fault cannot be read or is one too many, or nobody answers.
         """
-        return self.bus.ask(FAULT, FaultRequest((fault if "@" in fault else f"{fault}@0",)), Done)
+        if not 0.0 <= after < float("inf") or (after and "@" in fault):
+            raise ParameterError(f"after: expected a time of at least 0 s for a fault without @START, got {after:g}")
+        if "@" not in fault:
+            start = next(self.samples(1)).time + after if after else 0.0
+            fault = f"{fault}@{start:.2f}"
+        return self.bus.ask(FAULT, FaultRequest((fault,)), Done)
 
     @checked
     def release(self, why: str = _WHY, *, who: str | None = None) -> StopState:

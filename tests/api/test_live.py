@@ -71,6 +71,12 @@ def test_a_fault_is_injected_now_and_told_to_who_comes_later(
 ) -> None:
     assert main(["fault", "inject", "D2*=1.01"]) == 0
     assert "injected D2*=1.01@" in capsys.readouterr().out
+    before = next(cell.samples(1)).time
+    done = cell.inject("D3*=1.01", after=1e6)
+    start = float(done.text.partition("@")[2])
+    assert before + 1e6 <= start < before + 1e6 + 600
+    with pytest.raises(dtwin.DtwinError, match="after: expected"):
+        cell.inject("D3*=1.01@5", after=1.0)
     with pytest.raises(dtwin.DtwinError, match="fault 'D9@': expected"):
         cell.inject("D9@")
     until(lambda: any("D2*=1.01" in event.text for event in cell.summary().events), "the fault has begun")

@@ -18,6 +18,8 @@ class FaultInject:
     fault: tyro.conf.Positional[str]
     """TARGET OP VALUE [@ START[-END]], e.g. K2*=0.1 or freeze3@30-40; without a start, or with one that has passed,
     it begins now."""
+    after: float = 0.0
+    """Plant time from now until a fault without a start begins, s."""
     cell: str = "cell"
     """Name of the cell."""
     zenoh: Path | None = None
@@ -25,6 +27,6 @@ class FaultInject:
 
     def execute(self) -> int:
         with connect(self.cell, zenoh=self.zenoh) as cell:
-            done = cell.inject(self.fault)
+            done = cell.inject(self.fault, after=self.after)
         print(printable(f"{done.time:.2f} s: {done.text}"))
         return 0
