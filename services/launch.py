@@ -36,9 +36,9 @@ from dtwin.run.loop import tick_count
 from dtwin.run.options import ArmOptions, CellFileOption, ControlOptions, PlantOptions
 from dtwin.run.settings import CellSettings, metadata, sequence_name
 from dtwin.services import runfile
-from dtwin.services.launched import Launched
 from dtwin.services.parts.fence import fence_warning
 from dtwin.services.parts.journal import carry_over
+from dtwin.services.parts.launched import Launched
 from dtwin.services.parts.pace import Pace
 from dtwin.services.parts.part_files import discard_markers, discard_parts
 from dtwin.services.parts.stopping.watchdog import ALARM as ALARMING

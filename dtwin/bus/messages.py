@@ -10,7 +10,7 @@ from typing import Annotated, Final, Literal, NamedTuple
 
 import msgspec
 
-from dtwin.bus.controller_messages import IdentificationSignal, SettingsInForce, SettingsRequest, SignalRequest
+from dtwin.bus.controller.messages import IdentificationSignal, SettingsInForce, SettingsRequest, SignalRequest
 from dtwin.bus.twin_messages import (
     AcknowledgeRequest,
     DeskRequest,

@@ -15,7 +15,7 @@ from dtwin.commands.live.status import news, table
 from dtwin.errors import CommunicationError
 from dtwin.services import runfile
 from dtwin.services.launch import CellOptions, launched
-from dtwin.services.launched import LOOK
+from dtwin.services.parts.launched import LOOK
 from dtwin.services.supervisor import Supervisor
 from dtwin.terminal import as_text, print_json, printable
 from dtwin.view.viewer import has_gpu

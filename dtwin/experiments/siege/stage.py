@@ -20,7 +20,7 @@ from dtwin.bus.session import Bus
 from dtwin.errors import CommunicationError, DtwinError
 from dtwin.experiments.soak.cell import wait
 from dtwin.parameters import ROOT
-from dtwin.services.launched import READY_TIMEOUT
+from dtwin.services.parts.launched import READY_TIMEOUT
 from dtwin.services.runfile import find, join, require
 from dtwin.services.service import free_port
 from dtwin.signals import Event, EventKind, Sensors

@@ -1,0 +1,1 @@
+"""What passes between the services and the blocks of the controller."""
