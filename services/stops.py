@@ -140,15 +140,15 @@ class Stops:
     def _release(self, asked: ReleaseRequest) -> StopState:
         with self.answering, self._lock:
             self.known = False  # Somebody may have told the latch alone of a stop.
-            self._remind()
-            stop = self._blocks().release()
-            if stop == "none":
-                try:
+            try:
+                self._remind()
+                stop = self._blocks().release()
+                if stop == "none":
                     self._bus.ask(LATCH, LatchRequest("none", self._number), LatchState, TIMEOUT)
-                except CommunicationError as error:
-                    self.known = False
-                    self._note(self._blocks().judge("angles unknown", 1.0), KEPT)
-                    raise CommunicationError(f"not released, the torque is off: {error}") from None
+            except CommunicationError as error:
+                self.known = False
+                self._note(self._blocks().judge("angles unknown", 1.0), KEPT)
+                raise CommunicationError(f"not released, the torque is off: {error}") from None
             return self._note(stop, f" ({asked.who}: {asked.why})")
 
     def _follow(self) -> None:

@@ -18,9 +18,13 @@ from dtwin.bus.messages import (
     SENSORS,
     SETTINGS,
     STOP,
+    TICKS,
     TOPICS,
     UPLOAD,
     VOLTAGES,
+    Acted,
+    PassedTick,
+    PassedTicks,
     ResetRequest,
     SettingsInForce,
     StopState,
@@ -111,6 +115,7 @@ def test_a_rival_without_the_key_changes_no_row(desk: Desk, tmp_path: Path) -> N
 def test_one_wildcard_query_changes_nothing(desk: Desk, tmp_path: Path) -> None:
     history = tmp_path / "history.jsonl"
     options = ["--pace", "lockstep", "--monitoring", "--simulation", "--history", str(history)]
+    options += ["--log", str(tmp_path / "run.parquet")]
     desk.detach(*options, "--identification", "--store", str(tmp_path / "store"))
     up = runfile.require("cell")
     ticks: list[int] = []
@@ -169,9 +174,12 @@ def test_without_a_key_numbers_far_ahead_and_untimely_events_do_nothing(
     by_hand.start("emulator", "--pace", "lockstep", *waits)
     until(lambda: len(by_hand.samples) > 50, "the cell runs", PATIENCE)
     forge, tell = by_hand.bus.publisher(SENSORS), by_hand.bus.publisher(EVENTS)
+    forge_passed = by_hand.bus.publisher(TICKS)
 
     def strayed() -> bool:
-        forge(Sensors(FAR + len(by_hand.samples), 1e8, (1.0, 1.0, 1.0), 0.9, False, ""))
+        far = Sensors(FAR + len(by_hand.samples), 1e8, (1.0, 1.0, 1.0), 0.9, False, "")
+        forge(far)
+        forge_passed(PassedTicks((PassedTick(far, Acted(far.sequence, far.time, (0.0, 0.0, 0.0, 0.0), False)),)))
         tell(Event(by_hand.last.time + 1000.0, "safe", ""))
         return all(by_hand.refused(name, "far ahead") for name in listeners)
 

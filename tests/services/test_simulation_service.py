@@ -7,7 +7,7 @@ import os
 import signal
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any, cast
@@ -297,7 +297,9 @@ def test_identified_models_and_optimised_gains_come_from_files(cell: Desk, tmp_p
     assert [answer["action"] for answer in answers] == ["upload", "confirm"]
     assert answers[-1]["model"]["damping"] == list(estimate.parameters.damping)
     saved = tmp_path / "best.json"
-    saved.write_text(json.dumps({"target_time": 1.9, "gains": {"kp": [210, 480, 300], "ki": [70, 200, 150]}}))
+    saved.write_text(
+        json.dumps({"target_time": 1.9, "gains": {"kp": [210, 480, 300], "ki": [70, 200, 150], "kd": [2, 2, 2]}})
+    )
     answer = json.loads(cell.run("upload", "gains", "--why", "optimised", "--file", str(saved), "--arm", str(file)))
     assert answer["target_time"] == 1.9
     assert answer["gains"]["kp"] == [210.0, 480.0, 300.0]
@@ -370,7 +372,7 @@ class FakeService:
     """Uploads as soon as the service says that it is there, and has it end then; it is its own bus."""
 
     def __init__(self) -> None:
-        self.bus, self.stopping = self, False
+        self.bus, self.stopping, self.doing = self, False, ""
         self.inbox: SimpleQueue[object] = SimpleQueue()
         self._answers: dict[str, Any] = {}
 
@@ -388,6 +390,13 @@ class FakeService:
 
     def report_due(self) -> bool:
         return False
+
+    def report(self, *what: object, **figures: object) -> None:
+        pass
+
+    @contextmanager
+    def interruptible(self) -> Iterator[None]:
+        yield
 
     def ready(self) -> None:
         self.stopping = True
