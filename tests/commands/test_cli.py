@@ -34,11 +34,11 @@ def complain(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [
-        (["walk"], "unknown command 'walk': expected run, "),
+        (["walk"], "unknown command 'walk'; dtwin --help lists them all"),
         (["run", "--duration", "soon"], "--duration: expected a number, got 'soon'"),
         (["run", "--durations", "3"], "perhaps you meant --duration"),
-        (["run", "--duration", "0"], "at least one period of 0.01 s, got 0.0"),
-        (["run", "--duration", "-5"], "got -5.0"),
+        (["run", "--duration", "0"], "at least one period of 0.01 s and at most 864000 s, got 0"),
+        (["run", "--duration", "-5"], "got -5"),
         (["run", "--duration", "nan"], "got nan"),
         (["run", "--noise", "-1"], "got -1.0"),
         (["run", "--noise-kind", "pink"], "gaussian"),
