@@ -28,6 +28,7 @@ from dtwin.commands.table import COMMANDS
 from dtwin.emulation.faults import TARGETS, parse_fault
 from dtwin.emulation.machine.files import load
 from dtwin.iec61499.native.build import compilers
+from dtwin.logs.reading import read_log
 from dtwin.options import parse_options, parser_of
 from dtwin.parameters import ROOT
 from dtwin.run.cell import Cell
@@ -131,6 +132,7 @@ HELD: Final = {
     ("docs/clients.md", "c"): "tests/services/test_clients.py",
     ("docs/contact.md", "toml"): "test_files_of_the_pages_are_read",
     ("docs/devices.md", "c"): "test_the_c_of_the_page_compiles",
+    ("docs/logs.md", "python"): "test_the_python_of_the_page_of_logs_makes_a_log",
     ("docs/model.md", "text"): "test_the_grammar_of_faults_names_every_word",
     ("docs/blocks.md", "text"): "test_the_drawing_names_blocks_of_the_application",
     ("docs/simulation.md", "text"): "a drawing: nothing prints it",
@@ -143,6 +145,13 @@ ALL: Final = list(blocks())
 LINES: Final = [
     (block, line) for block in ALL if block.language == "sh" and block.page not in WALKED for line in block.lines
 ]
+
+
+def test_the_python_of_the_page_of_logs_makes_a_log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (block,) = (block for block in ALL if (block.page, block.language) == ("docs/logs.md", "python"))
+    exec(compile(block.text, block.page, "exec"), {})
+    assert len(read_log(Path("own.parquet"))) == 500
 
 
 def read(words: list[str]) -> None:
