@@ -13,6 +13,9 @@ from dtwin.parameters import ArmParameters
 _LATEST: Final = 5
 """Ticks by which an arm may follow its commands at most: the drawn machines and a late command come to 4."""
 
+_EARLIEST: Final = -3
+"""Ticks by which an arm may seem to move before it is told to, since friction makes that uncertain."""
+
 
 def check_belonging(source: str, log: Log, arm: ArmParameters) -> None:
     """Checks that every row of a log holds a sample and what acted on the arm after it, in the right units and signs.
@@ -37,7 +40,7 @@ def _shifted(log: Log, arm: ArmParameters) -> str:
     if late is not None:
         return _late(late, "the readings that they answer are those of another row") if late else ""
     behind = delay(log, arm)
-    if behind < 0:
+    if behind < _EARLIEST:
         return _late(-behind, "the arm moves before it is told to")
     return _late(-behind, "the arm moves long after it is told to") if behind > _LATEST else ""
 

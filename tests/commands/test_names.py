@@ -30,6 +30,7 @@ WORDS = {
     "commission": ["--live", "--out", "record.json"],
     "console": [],
     "down": [],
+    "fault inject": ["K2*=0.5"],
     "gains set": ["--kp", "1", "1", "1"],
     "history": [],
     "identify live": [],

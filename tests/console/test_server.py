@@ -229,7 +229,11 @@ def test_a_page_that_is_open_keeps_the_desk_and_one_that_is_gone_does_not(served
         served.clock.ahead += TIME_OUT - 0.5
         assert left() == pytest.approx(0.5)
         socket.send("here")
-        until(lambda: left() == pytest.approx(TIME_OUT), "the sign of life is passed on", between=lambda: socket.recv(20))
+        until(
+            lambda: left() == pytest.approx(TIME_OUT),
+            "the sign of life is passed on",
+            between=lambda: socket.recv(20),
+        )
     served.clock.ahead += TIME_OUT + 1
     assert left() == 0.0
 

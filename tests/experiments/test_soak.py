@@ -101,8 +101,8 @@ def test_nothing_passes_a_cut_network_and_nothing_is_lost() -> None:
 
 
 def test_what_a_command_complains_of_is_told() -> None:
-    with pytest.raises(CommunicationError, match="'no such cell' is not up"):
-        dtwin("down", "--cell", "no such cell")
+    with pytest.raises(CommunicationError, match="'no-such-cell' is not up"):
+        dtwin("down", "--cell", "no-such-cell")
 
 
 @pytest.mark.parametrize("ready", [False, pytest.param(True, marks=pytest.mark.thorough)])

@@ -48,7 +48,9 @@ def test_a_faulty_arm_is_no_wrong_log(fault: str) -> None:
     assert said(made(faults=(fault,))) == ""
 
 
-@pytest.mark.parametrize(("machine", "seed", "seconds"), [("weak-motor", 1, 20), ("delay", 4, 60), ("ideal", 2, 60)])
+@pytest.mark.parametrize(
+    ("machine", "seed", "seconds"), [("weak-motor", 1, 20), ("elastic", 4, 8), ("stribeck", 3, 30), ("delay", 4, 60)]
+)
 def test_readings_without_noise_are_not_taken_for_late_ones(machine: str, seed: int, seconds: int) -> None:
     log = dtwin.Cell(machine=machine, seed=seed).run(seconds).log
     check_belonging("a log", log, ArmParameters())

@@ -244,7 +244,7 @@ def test_equal_runs_have_equal_contents_and_recordings_of_others_stay_apart(tmp_
     seen = []
     blue = run_to("blue")
     for name, run in {"a": blue, "b": run_to("blue"), "c": run_to("green"), "d": replace(blue, metadata={})}.items():
-        path = tmp_path / name
+        path = tmp_path / f"{name}.rrd"
         write_recording(run, MODEL, path)
         values = {
             entity: {component: [(time, value) for time, _, value in rows] for component, rows in components.items()}
