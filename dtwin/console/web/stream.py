@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import math
 from typing import Final
 
 import msgspec
@@ -41,14 +42,14 @@ class Reader:
     Attributes:
         session: session of the page, with the rights of now.
         acted: time at which its person last did something, s.
-        kept: time of the last sign of life that was passed on, s.
+        kept: time of the last sign of life that was passed on, s; before the first one, minus infinity.
         over: whether the session has ended.
     """
 
     def __init__(self, session: Session, now: float) -> None:
         self.session = session
         self.acted = now
-        self.kept = now
+        self.kept = -math.inf
         self.over = False
         self.told: dict[str, bytes] = {}
         self.waiting: dict[str, bytes] = {}
