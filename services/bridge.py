@@ -38,7 +38,6 @@ from dtwin.bus.messages import (
     SettingsInForce,
     SettingsRequest,
     SignalRequest,
-    State,
 )
 from dtwin.bus.session import Bus, Publisher
 from dtwin.console.people.desk import keep_desk
@@ -132,8 +131,10 @@ class Bridge:
         self._recent = Recent()
         self._backlog = Backlog(service.next, self._recent.take)
         self._heard = 0.0
-        self._limp, self._limp_at = 0, -1
-        self._restart, self._answered = False, 0
+        self._limp = 0
+        self._limp_at = -1
+        self._restart = False
+        self._answered = 0
         self._publish: Publisher | Kept = bus.publisher(VOLTAGES, lossless=lossless)
         self._publish_path: Publisher | Kept = bus.publisher(PATH, lossless=lossless)
         self._tell = bus.publisher(EVENTS)
@@ -244,14 +245,14 @@ class Bridge:
         return strides(before, to)
 
     def _connect(self) -> ControlLoop | None:
-        if self._controller is not None and not self._controller.lost:
-            return self._controller
-        now = time.monotonic()
         if self._controller is not None:
+            if not self._controller.lost:
+                return self._controller
             # a setting has failed: samples may still be answered, but nothing can be set any more
             self._controller.close()
             self._controller = None
-        if self._controller is None and now >= self._try_at:
+        now = time.monotonic()
+        if now >= self._try_at:
             self._try_at = now + RETRY
             try:
                 self._controller = self._connected()
@@ -364,10 +365,7 @@ class Bridge:
     def _do(self, action: Callable[[ControlLoop], S]) -> S:
         """Reads or changes settings, on other connections than the samples, which do not wait for them."""
         with self._settings_lock:
-            controller = self._controller
-            if controller is None:
-                raise CommunicationError(f"{self._address}: the bridge has no controller at present")
-            return action(controller)
+            return action(self._present())
 
     def _change(self, settings: Settings, asked: SettingsRequest) -> ControlSettings:
         found = changed(settings, asked)
@@ -375,21 +373,23 @@ class Bridge:
         return found
 
     def _safe_stop(self) -> SafeStop:
+        return self._present().safe_stop
+
+    def _present(self) -> ControlLoop:
         controller = self._controller
         if controller is None:
             raise CommunicationError(f"{self._address}: the bridge has no controller at present")
-        return controller.safe_stop
+        return controller
 
     def _report(self) -> None:
-        if not self._state.saved:
-            with contextlib.suppress(RecordingError):
-                self._state.save()
+        with contextlib.suppress(RecordingError):
+            self._state.save()
         stopped = self._stops.stop != "none"
         if self._watchdog is not None:
             self._watchdog.look(self._time(), self._answered, stopped, time.monotonic())
-        state: State = "stopped" if stopped else "running"
+        works = self._controller is not None and self._stops.known
         self._service.report(
-            state if self._controller is not None and self._stops.known else "waiting",
+            "waiting" if not works else "stopped" if stopped else "running",
             self._answered,
             time=self._time(),
             late_ticks=self._backlog.skipped,

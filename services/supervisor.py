@@ -20,9 +20,10 @@ from dtwin.bus.messages import (
     EVENTS,
     MONITORING,
     REMEMBERED,
-    SENSORS,
     STATUS,
     SUMMARY,
+    TICKS,
+    PassedTicks,
     ServiceSummary,
     Status,
     Summary,
@@ -34,7 +35,7 @@ from dtwin.bus.twin_messages import MonitoringVerdict
 from dtwin.bus.verdicts.opinion import Opinion, is_known
 from dtwin.errors import CommunicationError
 from dtwin.parameters import SOURCE
-from dtwin.signals import Event, Sensors
+from dtwin.signals import Event
 
 LIFELINE: Final = "DTWIN_LIFELINE"
 """Environment variable of the children: the descriptor that is at its end when the supervisor has gone."""
@@ -214,7 +215,7 @@ class Supervisor:
         bus.subscribe(EVENTS, Event, self._note_event)
         if MONITORING.sender in self._children:
             bus.subscribe(MONITORING, MonitoringVerdict, self._note_verdict)
-            bus.subscribe(SENSORS, Sensors, self._note_sample)
+            bus.subscribe(TICKS, PassedTicks, self._note_ticks)
         bus.answer(SUMMARY, SummaryRequest, None, self.summary)
 
     def start(self) -> None:
@@ -309,8 +310,8 @@ class Supervisor:
     def _note_verdict(self, verdict: MonitoringVerdict) -> None:
         self._opinion.take(verdict, time.monotonic())
 
-    def _note_sample(self, sensors: Sensors) -> None:
-        self._opinion.sample(sensors.time, time.monotonic())
+    def _note_ticks(self, passed: PassedTicks) -> None:
+        self._opinion.sample(passed.ticks[-1].sensors.time, time.monotonic())
 
 
 def in_words(verdict: MonitoringVerdict) -> str:

@@ -80,7 +80,8 @@ class Status(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
         latency_ms: latency from sample to command, told by the emulator.
         boxes: what became of the boxes, told by the emulator.
         refused: messages refused, by reason.
-        last_error, doing: what went wrong last and is not over; what it does before it is ready; "" for none.
+        last_error: what went wrong last and is not over; "" for nothing.
+        doing: what it does before it is ready; "" once it is.
     """
 
     service: Word
@@ -147,7 +148,8 @@ class Path(msgspec.Struct, frozen=True, gc=False, tag_field="schema", tag=SCHEMA
     theta: Triple
 
 
-BACKLOG_PAGE: Final = 100  # ticks of which the messages come in one answer
+BACKLOG_PAGE: Final = 100
+"""Number of ticks of which the messages come in one answer."""
 
 
 class BacklogRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
@@ -296,6 +298,7 @@ class Topic(NamedTuple):
 
 CHECKED: Final = 60.0
 """Patience for an answer that needs a check on the twin, s."""
+
 SENSORS: Final = Topic("sensors", "publication", Sensors, None, "emulator", urgent=True)
 VOLTAGES: Final = Topic("voltages", "publication", Voltages, None, "bridge", urgent=True)
 ACTED: Final = Topic("acted", "publication", Acted, None, "emulator", urgent=True)
