@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
+from dtwin.services.parts.readiness.compiler_memory import release_compiler
 from dtwin.twin.compiled import compilations
 
 if TYPE_CHECKING:
@@ -20,6 +21,8 @@ Part = tuple[str, Callable[[], object]]
 
 def prepare(service: Service, parts: Sequence[Part]) -> None:
     """Does every part of the work once and tells how far that is, until the service is asked to end.
+
+    The memory of the compiler is given back at the end.
 
     Args:
         service: the service, which is not ready yet.
@@ -43,4 +46,5 @@ def prepare(service: Service, parts: Sequence[Part]) -> None:
             now = f"prepares {name}, {number} of {len(parts)}"
             tell()
             act()
+    release_compiler()
     service.doing = ""
