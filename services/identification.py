@@ -4,7 +4,8 @@ The data are a signal that the blocks excite the empty arm with, or the motions 
 parameters are known. The signal never waits for this service: the bridge passes the request on, samples and commands
 come off the bus. Only an accepted model is kept, and uploaded if the operator wants that, too.
 
-What a fit needs is loaded when one is asked for: until then the service remembers ticks and takes little memory.
+What a fit needs is compiled before the service is ready, and loaded when a fit is asked for: until then the service
+remembers ticks and takes little memory.
 """
 
 from __future__ import annotations
@@ -51,6 +52,8 @@ from dtwin.identification.operating_data import PIECES, OperatingData
 from dtwin.identification.store import STORE, ModelStore
 from dtwin.parameters import PERIOD, ArmParameters
 from dtwin.run.options import CellFileOption
+from dtwin.services.parts.readiness.aside import prepare_aside
+from dtwin.services.parts.readiness.compiler_memory import release_compiler
 from dtwin.services.service import Link, Service, main
 from dtwin.signals import Event, EventKind, Sensors, Voltages
 
@@ -117,6 +120,7 @@ class Identification:
     def run(self) -> None:
         """Works until it is asked to end."""
         service = self._service
+        prepare_aside(service, "the fits", "dtwin.identification.rehearsal")
         service.ready()
         while not service.stopping:
             item = service.next(0.2)
@@ -269,6 +273,7 @@ class Identification:
         self._propose(*estimate_excited(experiment, _settings(self._request)), self._warning(experiment))
 
     def _propose(self, estimate: Estimate, model: IdentifiedModel, warning: str = "") -> None:
+        release_compiler()
         self._model, self._measuring = model, False
         self._finished += 1
         first, second, third = model.validity.fit

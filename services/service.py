@@ -150,7 +150,7 @@ class Service:
             here: set[str] = set()
             self.bus.watch_alive(lambda name, alive: here.add(name) if alive else here.discard(name))
             while not (self.stopping or self._awaited <= here):
-                self._pause()
+                self.pause()
         self._last_error.text = ""  # What went wrong on the way here is over.
         self.bus.announce(self.name)
         gc.collect()
@@ -172,8 +172,8 @@ class Service:
         except Empty:
             return None
 
-    def _pause(self) -> None:
-        """Waits a moment, without touching the inbox."""
+    def pause(self) -> None:
+        """Waits a moment before it is ready and reports when that is due, without touching the inbox."""
         self._woken.wait(0.01)
         if self.report_due():
             self.report("starting")

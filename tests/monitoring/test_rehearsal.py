@@ -1,4 +1,4 @@
-"""What a monitoring or simulation service does before it is ready leaves no kernel to be compiled or loaded later."""
+"""What a service does before it is ready leaves no kernel to be compiled or loaded later."""
 
 import subprocess
 import sys
@@ -45,8 +45,26 @@ assert loaded() == before, loaded() - before
 """
 """Checks settings as the first upload does."""
 
+IDENTIFIED = """
+from dtwin.identification.estimation.estimate import EstimationSettings
+from dtwin.identification.parsing import settings_for
+from dtwin.identification.rehearsal import rehearse
+from dtwin.identification.running import estimate_excited, estimate_from, renewed
+from dtwin.parameters import ArmParameters
+from tests.support.identification import clean
+from tests.support.kernels import loaded
 
-@pytest.mark.parametrize("work", [WATCHED, UPLOADED], ids=["monitoring", "simulation"])
+rehearse()
+before = loaded()
+estimate_excited(clean(), settings_for("D1,mu1,m2"))
+known = renewed(ArmParameters(), {"D2": 0.01, "K1": 0.01}, ("D2", "K1"), ("K1",))
+estimate_from([clean()] * 4, known, "motions")
+assert loaded() == before, loaded() - before
+"""
+"""Identifies as the first request asks for it, from a signal and from motions."""
+
+
+@pytest.mark.parametrize("work", [WATCHED, UPLOADED, IDENTIFIED], ids=["monitoring", "simulation", "identification"])
 def test_no_kernel_is_left_for_later(work: str) -> None:
     done = subprocess.run([sys.executable, "-c", work], cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr[-2000:]
