@@ -27,6 +27,8 @@ REST: Final = 0.03
 """Largest difference between readings of an encoder of an arm at rest, rad; noise of 3 mrad makes half of it."""
 _LOOK: Final = 0.05
 """Time between two looks at the latch, s."""
+PATIENCE: Final = 5.0
+"""Time after which a service that must stop the arm takes the second way, s; a bridge that died is back by then."""
 
 
 class Stopped(NamedTuple):
@@ -113,10 +115,19 @@ def stop(bus: Bus, request: StopRequest) -> Stopped:
         witness.end()
 
 
+def take_off_torque(bus: Bus) -> LatchState:
+    """Has the emulator's latch take the torque off, past bridge and blocks.
+
+    Raises:
+        CommunicationError: the emulator does not answer.
+    """
+    return bus.ask(LATCH, LatchRequest("torque off"), LatchState, ANSWER)
+
+
 def _take_off_torque(bus: Bus, witness: _Witness, reason: CommunicationError) -> StopState:
     """The second way, past bridge and blocks."""
     try:
-        bus.ask(LATCH, LatchRequest("torque off"), LatchState, ANSWER)
+        take_off_torque(bus)
         return witness.confirm()
     except CommunicationError as error:
         raise CommunicationError(f"the arm may not be stopped: {reason}; nor by the emulator: {error}") from None

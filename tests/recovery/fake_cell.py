@@ -12,10 +12,13 @@ from dtwin.bus.messages import (
     EVENTS,
     IDENTIFICATION,
     IDENTIFY,
+    LATCH,
     MONITORING,
     PREDICT,
     STOP,
     UPLOAD,
+    LatchRequest,
+    LatchState,
     StopRequest,
     StopState,
     Topic,
@@ -67,6 +70,7 @@ class FakeCell:
         worse: gives how far a motion is from its path, relative to the healthy arm, by the request.
         roll_back: whether settings on trial are taken back.
         uploads, stops, told: what the operator asked for and said.
+        latched: what it asked the emulator's latch for, and when.
     """
 
     def __init__(self) -> None:
@@ -84,6 +88,7 @@ class FakeCell:
         self.uploads: list[UploadRequest] = []
         self.identified: list[IdentificationRequest] = []
         self.stops: list[StopRequest] = []
+        self.latched: list[tuple[float, str]] = []
         self.told: list[str] = []
         self.events: list[Event] = []
         self._trial = 0.0
@@ -128,6 +133,7 @@ class FakeCell:
             IDENTIFY: self._identify,
             DECIDE: lambda request: IdentificationState("accepted"),
             STOP: self._stop,
+            LATCH: self._latch,
         }
         return answers[topic](request)
 
@@ -169,6 +175,10 @@ class FakeCell:
         )
         self._handlers[IDENTIFICATION.name](phase)
         return IdentificationState("measuring")
+
+    def _latch(self, request: LatchRequest) -> LatchState:
+        self.latched.append((self.time, request.stop))
+        return LatchState(self.time, len(self.latched), request.stop)
 
     def _stop(self, request: StopRequest) -> StopState:
         if self.deaf:

@@ -9,6 +9,7 @@ import msgspec
 import pytest
 
 from dtwin.bus.session import Bus
+from dtwin.bus.stopping import PATIENCE
 from dtwin.bus.twin_messages import (
     PredictedMotion,
 )
@@ -590,3 +591,13 @@ def test_a_stop_for_an_arm_that_no_settings_help_is_asked_for_again(
     operator = watched(cell, recorded())
     assert measures_of(operator) == [("refit", ("K2",)), ("refit", ("K2",)), ("stop", ("K2",))]
     assert (cell.deaf, len(cell.stops)) == (0, 1)
+
+
+def test_the_torque_is_taken_off_when_the_blocks_stop_nothing_for_too_long(cell: FakeCell) -> None:
+    cell.found["freeze1"] = (20.0, 0.0, 1e-3)
+    cell.deaf = 10_000
+    operator = watched(cell)
+    ((when, stop),) = cell.latched
+    assert stop == "torque off"
+    assert when == pytest.approx(20.0 + PATIENCE, abs=1.0)
+    assert measures_of(operator) == [("stop", ("freeze1",))]

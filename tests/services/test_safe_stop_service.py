@@ -13,12 +13,15 @@ import pytest
 from dtwin.bus.messages import (
     EVENTS,
     FAULT,
+    LATCH,
     MONITORING,
     RESIDUALS,
     SENSORS,
     STOP,
     Done,
     FaultRequest,
+    LatchRequest,
+    LatchState,
     StopRequest,
     StopState,
 )
@@ -196,3 +199,19 @@ def test_no_demand_is_made_for_a_failure_that_is_over() -> None:
         bridge.answer(STOP, StopRequest, noting(asked, StopState(46.3, "torque off")))
         until(lambda: asked, "the demand is made")
     assert [request.state for request in asked if request] == ["angles unknown"]
+
+
+def test_the_torque_is_taken_off_when_the_blocks_do_not_answer_for_too_long() -> None:
+    meet = f"tcp/127.0.0.1:{free_port()}"
+    asked: list[LatchRequest | None] = []
+    events: list[Event] = []
+    with Bus(open_peer(meet)) as monitor, Bus(open_peer(meet)) as emulator:
+        emulator.subscribe(EVENTS, Event, events.append)
+        emulator.answer(LATCH, LatchRequest, noting(asked, LatchState(47.1, 1, "torque off")))
+        demands = Demands(monitor, patience=0.0)
+        demands.stand(frozenset({"K2"}))
+        demands.failed(FOUND)
+        until(lambda: events, "the second way is told")
+    assert [request.stop for request in asked if request] == ["torque off"]
+    assert (events[0].kind, events[0].time) == ("monitor_stop", 47.1)
+    assert "the emulator answers torque off" in events[0].text

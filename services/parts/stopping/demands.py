@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import logging
 import threading
+import time
 from collections.abc import Callable
 from queue import SimpleQueue
 from typing import Final
 
 from dtwin.bus.messages import EVENTS, STOP, StopRequest, StopState
 from dtwin.bus.session import Bus
+from dtwin.bus.stopping import PATIENCE, take_off_torque
 from dtwin.errors import CommunicationError
 from dtwin.monitoring.kinds import arm_state
 from dtwin.monitoring.verdict import Finding
@@ -24,14 +26,17 @@ RETRY: Final = 0.5
 class Demands:
     """Asks the blocks to stop an arm that has failed, once a failure, on a thread of its own.
 
-    While nobody answers it asks again, for as long as the failure stands.
+    While nobody answers it asks again, for as long as the failure stands. When that has taken too long it has the
+    emulator's latch take the torque off.
 
     Args:
         bus: session on which to ask.
+        patience: longest time for which only the blocks are asked, s.
     """
 
-    def __init__(self, bus: Bus) -> None:
+    def __init__(self, bus: Bus, patience: float = PATIENCE) -> None:
         self._bus = bus
+        self._patience = patience
         self._tell: Callable[[Event], None] = bus.publisher(EVENTS)
         self._failures: SimpleQueue[Finding] = SimpleQueue()
         self._standing: frozenset[str] = frozenset()
@@ -49,8 +54,21 @@ class Demands:
         pause = threading.Event()
         while True:
             finding = self._failures.get()
+            since = time.monotonic()
             while finding.parameter in self._standing and not self._ask(finding):
+                if time.monotonic() - since >= self._patience and self._take_off_torque(finding):
+                    break
                 pause.wait(RETRY)
+
+    def _take_off_torque(self, finding: Finding) -> bool:
+        """Whether the emulator has taken the torque off."""
+        try:
+            latched = take_off_torque(self._bus)
+        except CommunicationError as error:
+            log.warning("the emulator does not take the torque off: %s", error)
+            return False
+        self._say(latched.time, f"the blocks do not answer ({finding.text()}): the emulator answers {latched.stop}")
+        return True
 
     def _ask(self, finding: Finding) -> bool:
         """Whether the blocks have answered."""
@@ -61,7 +79,10 @@ class Demands:
         except CommunicationError as error:
             log.warning("the safe stop was not answered: %s", error)
             return False
-        said = f"asked for a safe stop ({finding.text()}): the blocks answer {answer.stop}"
-        log.warning("%s", said)
-        self._tell(Event(answer.time, MONITOR + EventKind.STOP, said[:1000]))
+        self._say(answer.time, f"asked for a safe stop ({finding.text()}): the blocks answer {answer.stop}")
         return True
+
+    def _say(self, when: float, text: str) -> None:
+        """Tells at a plant time (s) what has been done."""
+        log.warning("%s", text)
+        self._tell(Event(when, MONITOR + EventKind.STOP, text[:1000]))
