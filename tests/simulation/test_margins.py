@@ -14,6 +14,7 @@ from dtwin.controller.runtime import Runtime, chosen
 from dtwin.controller.settings import LAWS, USUAL_GAINS, Compensation, ControlSettings, usual_gains
 from dtwin.experiments.simulation.margins import compare, usual
 from dtwin.parameters import COULOMB_WIDTH, PERIOD, PICKUP, PLACES, ArmParameters, Law, Triple
+from dtwin.run.cell_file import cell_of
 from dtwin.simulation.margins.demands import MARGINS, STABILITY, cases, demanded_margins
 from dtwin.simulation.margins.loop import Loop, Plant, StateSpace, linear_arm, linear_blocks, linear_loop
 from dtwin.simulation.margins.measures import (
@@ -246,6 +247,10 @@ def test_cases_are_the_places_and_a_fixed_sample() -> None:
     assert [pose.name for pose in poses()[:4]] == ["pickup", "blue", "red", "green"]
     assert len({pose.theta for pose in poses()}) == 50
     assert poses(60)[:50] == poses()
+    other = cell_of("four-colours").task
+    assert [(pose.name, pose.theta) for pose in poses(5, other)] == [
+        (name, place.theta) for name, place in other.all_places.items()
+    ]
     found = cases(MotionController(), ControlSettings(), ARM, poses(2))
     assert [(case.pose.name, case.payload) for case in found] == [
         ("pickup", 0.0), ("pickup", 0.2), ("blue", 0.0), ("blue", 0.2),

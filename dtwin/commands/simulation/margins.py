@@ -15,14 +15,14 @@ from dtwin.controller.motion import MotionController
 from dtwin.controller.settings import APPLICATION_LAW, ControlSettings, usual_gains
 from dtwin.identification.store import STORE, ModelStore, open_model
 from dtwin.parameters import ArmParameters, Law, Triple
-from dtwin.run.options import CompensationOptions
+from dtwin.run.options import CellFileOption, CompensationOptions
 from dtwin.simulation.margins.demands import MARGINS, Case, Shortfall, cases
 from dtwin.simulation.margins.poses import POSES, poses
 from dtwin.terminal import print_json, print_table
 
 
 @dataclass(frozen=True, kw_only=True)
-class MarginsCommand(CompensationOptions):
+class MarginsCommand(CompensationOptions, CellFileOption):
     """Compute how much the arm may differ from its model before the controller makes it unstable.
 
     At every pose, with a box and without one, the loop of function blocks and arm is linearised at rest. The worst
@@ -79,7 +79,7 @@ class MarginsCommand(CompensationOptions):
         return 1 if broken else 0
 
     def _cases(self, settings: ControlSettings, arm: ArmParameters) -> list[Case]:
-        return cases(MotionController(), settings, arm, poses(self.poses), self.late)
+        return cases(MotionController(), settings, arm, poses(self.poses, self.task()), self.late)
 
 
 Judged = tuple[Case, Shortfall | None]

@@ -7,10 +7,10 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from dtwin.controller.motion import NAMES
 from dtwin.parameters import Triple
 from dtwin.simulation.figures import triple
 from dtwin.simulation.places import angles_of
+from dtwin.task import DEFAULT_TASK, Task
 
 POSES: Final = 50
 """Number of poses."""
@@ -25,13 +25,14 @@ class Pose(NamedTuple):
     theta: Triple
 
 
-def places() -> list[Pose]:
-    """The poses of the places of the cell."""
-    return [Pose(name, angles_of(name)) for name in NAMES]
+def places(task: Task = DEFAULT_TASK) -> list[Pose]:
+    """The poses of the places of a task."""
+    return [Pose(name, angles_of(name, task)) for name in task.all_places]
 
 
-def poses(count: int = POSES) -> list[Pose]:
+def poses(count: int = POSES, task: Task = DEFAULT_TASK) -> list[Pose]:
     """The places, then poses with joint angles uniform over a turn, up to a number of poses in all."""
-    drawn = np.random.default_rng(_SEED).uniform(-math.pi, math.pi, (max(0, count - len(NAMES)), 3)).round(2)
+    near = places(task)
+    drawn = np.random.default_rng(_SEED).uniform(-math.pi, math.pi, (max(0, count - len(near)), 3)).round(2)
     sample = [Pose("({:.2f}, {:.2f}, {:.2f}) rad".format(*row), triple(row)) for row in drawn.tolist()]
-    return (places() + sample)[:count]
+    return (near + sample)[:count]
