@@ -238,6 +238,11 @@ class Emulation:
             self._change_due()
         self._sample()
 
+    def disturb(self, torques: Triple) -> None:
+        """Pushes joints 1 to 3 with torques (N m) from outside until the next call, beside the pushes of faults."""
+        first, second, third = (a + b for a, b in zip(self._condition.push, torques, strict=True))
+        self._plant.set_push((first, second, third))
+
     def truth(self) -> Truth:
         """The true state of the plant, as opposed to what the sensors say."""
         plant = self._plant

@@ -1,0 +1,57 @@
+"""What lies around the seam of a plant: small parts that change its readings, its commands, or push its joints.
+
+The generator of machines knows none of this: parts act between the plant and `Sensors` or `Voltages` only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from dtwin.parameters import Triple
+from dtwin.signals import Sensors, Truth, Voltages
+
+Reading = Callable[[Sensors, Truth], Sensors]
+"""A sample as it reaches the controller, from what the plant gave in its true state; called once a tick."""
+Command = Callable[[Voltages], Voltages]
+"""A command as it reaches the plant; called once a tick."""
+Torque = Callable[[Truth, Voltages], Triple]
+"""Torques on the joints (N m) until the next tick, in a true state and under the command that acts."""
+
+
+@dataclass(frozen=True, slots=True)
+class Outside:
+    """Parts that act together, each kind in the order given."""
+
+    readings: tuple[Reading, ...] = ()
+    commands: tuple[Command, ...] = ()
+    torques: tuple[Torque, ...] = ()
+
+    def __add__(self, other: Outside) -> Outside:
+        return Outside(self.readings + other.readings, self.commands + other.commands, self.torques + other.torques)
+
+
+Effect = Callable[[np.random.Generator], Outside]
+"""Makes the parts of one run; all that is random in them comes from the generator."""
+
+
+def together(*effects: Effect) -> Effect:
+    """Effects that act at once, those given first nearest to the plant."""
+
+    def make(random: np.random.Generator) -> Outside:
+        return sum((effect(random) for effect in effects), Outside())
+
+    return make
+
+
+def nothing(_: np.random.Generator) -> Outside:
+    """The plant as it is."""
+    return Outside()
+
+
+def changed(values: Triple, joints: tuple[int, ...], change: Callable[[int, float], float]) -> Triple:
+    """The values, those of the given joints (1 to 3) changed by a function of index (0 to 2) and value."""
+    first, second, third = (change(i, value) if i + 1 in joints else value for i, value in enumerate(values))
+    return first, second, third
