@@ -39,6 +39,8 @@ from dtwin.signals import Event
 
 LIFELINE: Final = "DTWIN_LIFELINE"
 """Environment variable of the children: the descriptor that is at its end when the supervisor has gone."""
+PREPARED: Final = "DTWIN_PREPARED"
+"""Environment variable of a child that starts again: what it needs was compiled before an earlier one was ready."""
 FIRST_DELAY: Final = 0.1
 """s before the first restart; every further one waits twice as long"""
 LAST_DELAY: Final = 8.0
@@ -74,6 +76,7 @@ class _Child:
         self.heard = 0.0
         self.alive = False
         self.arrived = False
+        self._prepared = False
         self.done = False
         self._lifeline = lifeline
         self._said: deque[str] = deque(maxlen=20)
@@ -88,6 +91,7 @@ class _Child:
         return self._process is not None
 
     def start(self) -> None:
+        self._prepared |= self.arrived
         self._process = subprocess.Popen(
             self.program.command,
             stdin=subprocess.DEVNULL,
@@ -102,6 +106,7 @@ class _Child:
                 **os.environ,
                 LIFELINE: str(self._lifeline),
                 KEY: self._key.hex(),
+                **({PREPARED: "1"} if self._prepared else {}),
                 "PYTHONPATH": str(SOURCE),
             },
             pass_fds=(self._lifeline,),

@@ -63,7 +63,7 @@ class Observer:
 
     def _work(self) -> None:
         while not self._over.wait(LOOK):
-            age = self._opinion.age(time.monotonic())
+            before = self._opinion.age(time.monotonic())
             try:
                 said = self._bus.ask(SUMMARY, None, Summary, _PATIENCE).verdict
             except CommunicationError:
@@ -72,4 +72,5 @@ class Observer:
             if said.partition(":")[0] in _NOT_NOW:
                 self.unknown += 1
             else:
-                self.oldest = max(self.oldest, age)
+                # The verdict may have come while the answer was waited for.
+                self.oldest = max(self.oldest, min(before, self._opinion.age(time.monotonic())))

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import logging
+import os
 import subprocess
 import sys
 import threading
 from typing import TYPE_CHECKING, Final
+
+from dtwin.services.supervisor import PREPARED
 
 if TYPE_CHECKING:
     from dtwin.services.service import Service
@@ -21,13 +24,15 @@ def prepare_aside(service: Service, name: str, module: str) -> None:
     """Runs a module that goes through the work once, and tells how far it is, until the service is asked to end.
 
     What it compiles stays on disk for the service, and its memory goes with it. Where it fails the service goes on,
-    and compiles when somebody wants its work.
+    and compiles when somebody wants its work. A service that starts again has what an earlier one compiled.
 
     Args:
         service: the service, which is not ready yet.
         name: what is prepared, in words.
         module: name of the module, which prints a line for every kernel that it begins to compile.
     """
+    if os.environ.get(PREPARED):
+        return
     compiled: list[str] = []
     command = [sys.executable, "-m", module]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:

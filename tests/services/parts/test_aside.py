@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from dtwin.services.parts.readiness.aside import prepare_aside
+from dtwin.services.supervisor import PREPARED
 
 
 class Frame:
@@ -70,3 +71,10 @@ def test_a_service_that_is_asked_to_end_does_not_wait(module: Any, caplog: pytes
     prepare_aside(frame, "the fits", module("while True: pass"))
     assert len(frame.told) == 3
     assert not caplog.text
+
+
+def test_a_service_that_starts_again_need_not_prepare(module: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(PREPARED, "1")
+    frame: Any = Frame()
+    prepare_aside(frame, "the fits", module("raise SystemExit(1)"))
+    assert not frame.told
