@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from dtwin.bus.messages import ServiceSummary
 from dtwin.bus.twin_messages import MonitoredUnit, MonitoringVerdict
+from dtwin.bus.verdicts.opinion import unknown
 from dtwin.console.alarms.alarm_list import (
     BURST,
     BURST_OF_ALL,
@@ -24,7 +25,7 @@ from dtwin.console.alarms.alarm_list import (
 )
 from dtwin.console.alarms.export import COLUMNS, found, to_csv
 from dtwin.console.alarms.journal import OLDEST, Journal
-from dtwin.console.alarms.sources import EXCITED, FINDING, Sources
+from dtwin.console.alarms.sources import EXCITED, FINDING, ON_DELAY, Sources
 from dtwin.console.alarms.states import AlarmState
 from dtwin.errors import DtwinError, ParameterError, RecordingError
 from dtwin.signals import Event, EventKind
@@ -309,6 +310,22 @@ def test_a_finding_is_an_alarm_with_an_order_and_goes_when_it_is_gone() -> None:
     assert alarm.response == "replace encoder 2, then `dtwin release`"
     sources.verdict(verdict(joint_2=MonitoredUnit("nominal")), 2.0)
     assert alarms.alarm(alarm.name).state is R
+
+
+def test_a_silent_monitor_is_an_alarm_after_a_while_and_none_before_the_arm_has_begun() -> None:
+    alarms = AlarmList(Journal(None))
+    sources = Sources(alarms)
+    for at in (0.0, 5.0):
+        sources.verdict(unknown(0.0), at)
+    sources.verdict(unknown(0.1), 5.1)
+    sources.verdict(verdict(joint_1=MonitoredUnit("nominal")), 6.0)
+    sources.verdict(unknown(12.0), 8.0)
+    sources.verdict(unknown(13.9), 8.0 + ON_DELAY - 0.1)
+    assert not alarms.alarms()
+    sources.verdict(unknown(14.0), 8.0 + ON_DELAY)
+    assert alarms.alarm("unwatched").state is U
+    sources.verdict(verdict(joint_1=MonitoredUnit("nominal")), 11.0)
+    assert alarms.alarm("unwatched").state is R
 
 
 def test_a_finding_that_another_one_hides_stays_an_alarm() -> None:

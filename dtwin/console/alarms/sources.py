@@ -73,6 +73,8 @@ ONCE: Final[dict[str, Row]] = {
 SAFE: Final = Row("high", "the arm hangs without voltage", "see to controller and bridge; it goes on by itself")
 HELP: Final = Row("medium", "the sequence waits", "do what the text says")
 DISK: Final = Row("medium", "what happens is not recorded", "make room on the disk")
+ON_DELAY: Final = 2.0
+"""Time for which a monitor is silent before that is an alarm, s (on-delay of ISA-18.2)."""
 _MAIN: Final = frozenset({"emulator", "bridge", "controller"})
 
 
@@ -85,14 +87,24 @@ class Sources:
 
     def __init__(self, alarms: AlarmList) -> None:
         self._alarms = alarms
+        self._unknown_since: float | None = None
 
     def verdict(self, verdict: MonitoringVerdict, at: float) -> None:
-        """Raises what the monitor finds, and clears what it finds no more; what a silent one found stands."""
-        silent = not is_known(verdict)
+        """Raises what the monitor finds, and clears what it finds no more; what a silent one found stands.
+
+        Nothing has been said of an arm that has not begun, or of a cell that was joined a moment ago. So silence is
+        an alarm after ON_DELAY alone.
+        """
+        known = is_known(verdict)
+        if known or verdict.time <= 0.0:
+            self._unknown_since = None
+        elif self._unknown_since is None:
+            self._unknown_since = at
+        silent = self._unknown_since is not None and at - self._unknown_since >= ON_DELAY
         self._condition(
             "unwatched", silent, "the monitor is silent: nothing is known of the arm", UNWATCHED, at, verdict.time
         )
-        if silent:
+        if not known:
             return
         told = [(name, unit) for name, unit in verdict.units.items() if unit.state != "nominal"]
         told += [(name, each) for each in verdict.findings for name in _units(each.parameter)]

@@ -34,7 +34,7 @@ export function makeSimulation() {
   });
   const fill = (wanted) => {
     target.input.value = short(wanted.target_time, 4);
-    for (const [key, value] of Object.entries(gains)) value.set(wanted.gains[key].map((each) => Number(each.toPrecision(5))));
+    for (const [key, value] of Object.entries(gains)) value.set(wanted.gains[key].map((each) => Number(each.toPrecision(4))));
   };
   const add = el("button", { type: "button" }, "Add as a candidate");
   add.addEventListener("click", () => {
