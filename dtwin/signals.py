@@ -79,6 +79,7 @@ class EventKind(StrEnum):
     OPERATOR = "operator"
     DISK = "disk"
     HELP = "help"
+    PROPOSAL = "proposal"
 
 
 MONITOR: Final = "monitor_"

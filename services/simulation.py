@@ -34,6 +34,7 @@ from dtwin.bus.messages import (
 )
 from dtwin.bus.messages import Path as PathAngles
 from dtwin.bus.pairs import Pairs
+from dtwin.bus.proposals.messages import Proposal as Proposed
 from dtwin.bus.session import Bus, Subscription
 from dtwin.bus.twin_messages import (
     Predicted,
@@ -50,6 +51,7 @@ from dtwin.errors import CommunicationError, DtwinError, ParameterError
 from dtwin.identification.machine.record import MachineRecord, read_record
 from dtwin.parameters import ArmParameters, Gains, Triple
 from dtwin.run.options import CellFileOption
+from dtwin.services.parts.proposing.answers import Proposing
 from dtwin.services.parts.readiness.preparation import prepare
 from dtwin.services.parts.state_file import from_message
 from dtwin.services.service import Link, Service, main
@@ -57,6 +59,7 @@ from dtwin.signals import Event, EventKind, Sensors
 from dtwin.simulation.checks import Checker
 from dtwin.simulation.history import HISTORY, Entry, History
 from dtwin.simulation.proposal import tolerated
+from dtwin.simulation.proposals.book import Book
 from dtwin.simulation.upload import Proposal, Uploader, changed
 from dtwin.twin.effects import NO_EFFECTS
 
@@ -151,6 +154,9 @@ class Simulation:
         bus.answer(UPLOAD, UploadRequest, self._answer, self._now)
         bus.answer(PREDICT, PredictionRequest, self._predict)
         bus.answer(ROLL_BACK, RollBackRequest, self._roll_back, self._now)
+        book = Book(history.path.with_name(f"{history.path.stem}-proposals.jsonl"))
+        seen, tell = lambda: self._time, self._tell_proposal
+        Proposing(book, self._lock, self._there, seen, _proposal, self._now, tell, self._arm).answer(bus)
 
     def run(self) -> None:
         """Works until it is asked to end."""
@@ -287,6 +293,10 @@ class Simulation:
                 for motion, f in found
             ),
         )
+
+    def _tell_proposal(self, proposal: Proposed) -> None:
+        text = f"proposal {proposal.number} of {proposal.request.who}, {proposal.request.kind}: {proposal.state}"
+        self._publish(Event(self._time, EventKind.PROPOSAL, f"{text} {proposal.outcome or proposal.by}".strip()[:1000]))
 
     def _tell(self, entry: Entry) -> None:
         self._done += 1

@@ -11,7 +11,7 @@ from dtwin.controller.settings import ControlSettings
 from dtwin.controller.settings_port import SettingsPort
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.parameters import ArmParameters, Gains, Triple
-from dtwin.simulation.checks import Checker, Refused
+from dtwin.simulation.checks import Checker, ExpectedTracking, Refused
 from dtwin.simulation.figures import triple
 from dtwin.simulation.history import Action, Entry, History
 from dtwin.simulation.trial import Trial, TrialRules
@@ -191,6 +191,22 @@ class Uploader:
                 self.look_again(time)
             raise
         return entry
+
+    def try_out(self, proposal: Proposal, arm: ArmParameters | None = None, late: float = 0.0) -> ExpectedTracking:
+        """What the twin expects of new settings that are not uploaded; they are checked like an upload.
+
+        Args:
+            proposal: new settings.
+            arm: model of the arm for the checks; the controller's model with the proposed changes when None.
+            late: ticks by which commands act later than they did.
+
+        Raises:
+            Refused: the settings must not be uploaded; the history does not tell of it, since nothing was uploaded.
+        """
+        if proposal.based_on != self.version:
+            raise Refused(f"the settings have changed: expected version {self.version}, got {proposal.based_on}")
+        settings = proposal.applied(self.settings)
+        return self._checker.check(settings, arm or settings.model, late=late, in_force=self.settings)
 
     def observe(self, time: float, path: Triple, measured: Triple) -> Entry | None:
         """Judges a sample while a trial runs.

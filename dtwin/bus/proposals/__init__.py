@@ -1,0 +1,1 @@
+"""Proposals of an AI on the bus: how they are made, seen and decided."""

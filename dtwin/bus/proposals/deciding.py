@@ -1,0 +1,99 @@
+"""How a person's approval is carried out: with this person's own rights, through the doors that there are anyway.
+
+The simulation service notes an approval once; then the approver's own session asks for what was approved. So nothing
+moves for a forged, repeated or late approval: whoever sends it would have to ask for the change itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import msgspec
+
+from dtwin.bus.messages import ACKNOWLEDGE, DECIDE_PROPOSAL, LOOK, UPLOAD, StopRequest
+from dtwin.bus.proposals.messages import Kind, Look, Proposal, ProposalDecision
+from dtwin.bus.session import Bus
+from dtwin.bus.stopping import stop
+from dtwin.bus.twin_messages import AcknowledgeRequest, MonitoringVerdict, Upload
+from dtwin.errors import CommunicationError, DtwinError, ParameterError, choices
+
+Door = Callable[[Bus, Proposal, str], str]
+"""Has what a proposal proposes done by a person, and tells what came of it. Raises DtwinError."""
+
+
+def find(bus: Bus, number: int) -> Proposal:
+    """The proposal of a number.
+
+    Raises:
+        ParameterError: there is none.
+        CommunicationError: nobody answers.
+    """
+    told = bus.ask(LOOK, None, Look).proposals
+    for each in told:
+        if each.number == number:
+            return each
+    known = choices(str(each.number) for each in told) if told else "none has been made"
+    raise ParameterError(f"proposal {number}: expected {known}")
+
+
+def decide(bus: Bus, decision: ProposalDecision, doors: Mapping[Kind, Door]) -> Proposal:
+    """Decides about a proposal, and has it carried out if it is approved.
+
+    Args:
+        bus: session of the person.
+        decision: approve or decline, with the digest of what the person has seen.
+        doors: what carries out each kind.
+
+    Returns:
+        the proposal afterwards, with what came of it.
+
+    Raises:
+        ParameterError: its kind cannot be carried out here; then it stays open.
+        CommunicationError: the decision is refused, or what was approved is; then the proposal tells so.
+    """
+    door = None
+    if decision.action == "approve":
+        kind = find(bus, decision.number).request.kind
+        if (door := doors.get(kind)) is None:
+            raise ParameterError(f"a proposal of the kind {kind}: approve it with `dtwin mcp approve`")
+    decided = bus.ask(DECIDE_PROPOSAL, decision, Proposal)
+    if door is None:
+        return decided
+    try:
+        outcome = door(bus, decided, decision.who)
+    except DtwinError as error:
+        _report(bus, decision, f"not done: {error}")
+        raise CommunicationError(f"proposal {decided.number} was approved and is not done: {error}") from None
+    return _report(bus, decision, outcome)
+
+
+def _report(bus: Bus, decision: ProposalDecision, outcome: str) -> Proposal:
+    told = msgspec.structs.replace(decision, action="report", text=outcome[:1000])
+    return bus.ask(DECIDE_PROPOSAL, told, Proposal)
+
+
+def _upload(bus: Bus, proposal: Proposal, who: str) -> str:
+    change = proposal.request.change
+    assert change is not None
+    why = f"proposal {proposal.number} of {proposal.request.who}: {proposal.request.why}"[:1000]
+    done = bus.ask(UPLOAD, msgspec.structs.replace(change, who=who, why=why), Upload)
+    return f"version {done.version} in force{', on trial' if done.on_trial else ''}"
+
+
+def _acknowledge(bus: Bus, proposal: Proposal, who: str) -> str:
+    for name in proposal.request.parameters:
+        bus.ask(ACKNOWLEDGE, AcknowledgeRequest(name), MonitoringVerdict)
+    return "the arm as it is now counts as normal"
+
+
+def _stop(bus: Bus, proposal: Proposal, who: str) -> str:
+    stopped = stop(bus, StopRequest(who, f"proposal {proposal.number}: {proposal.request.why}"[:1000]))
+    return f"stop: {stopped.state.stop}"
+
+
+def _agree(bus: Bus, proposal: Proposal, who: str) -> str:
+    return "the diagnosis is noted as agreed with; nothing was changed"
+
+
+DOORS: Mapping[Kind, Door] = {"settings": _upload, "acknowledge": _acknowledge, "stop": _stop, "diagnosis": _agree}
+"""What one request carries out; an answer of the recovery takes several and a while."""

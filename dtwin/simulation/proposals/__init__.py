@@ -1,0 +1,1 @@
+"""Proposals of an AI: checked like uploads, kept in a file, decided once by a person."""

@@ -1,0 +1,1 @@
+"""The proposals of an AI at the simulation service."""
