@@ -296,7 +296,9 @@ class Simulation:
 
     def _tell_proposal(self, proposal: Proposed) -> None:
         text = f"proposal {proposal.number} of {proposal.request.who}, {proposal.request.kind}: {proposal.state}"
-        self._publish(Event(self._time, EventKind.PROPOSAL, f"{text} {proposal.outcome or proposal.by}".strip()[:1000]))
+        self._publish(
+            Event(self._time, EventKind.PROPOSAL, f"{text} {proposal.outcome or proposal.by}".strip()[:1000])
+        )
 
     def _tell(self, entry: Entry) -> None:
         self._done += 1

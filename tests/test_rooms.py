@@ -21,6 +21,7 @@ FLOORS = [
     {"dtwin.monitoring", "dtwin.simulation"},
     {"dtwin.commissioning", "dtwin.recovery"},
     {"dtwin.console"},
+    {"dtwin.ai"},
     {"dtwin.services"},
     {"dtwin.experiments", "dtwin.api"},
     {"dtwin.commands"},

@@ -116,8 +116,23 @@ def _fields() -> frozenset[str]:
         if isinstance(kind, type) and issubclass(kind, msgspec.Struct)
     )
     found = {field for kind in kinds for field in kind.__struct_fields__}
-    return frozenset(found | {"schema", "kp", "ki", "kd", "voltage_constant", "mass", "inertia", "length", "com",
-                              "damping", "coulomb", "friction"})
+    return frozenset(
+        found
+        | {
+            "schema",
+            "kp",
+            "ki",
+            "kd",
+            "voltage_constant",
+            "mass",
+            "inertia",
+            "length",
+            "com",
+            "damping",
+            "coulomb",
+            "friction",
+        }
+    )
 
 
 FIELDS: Final = _fields()

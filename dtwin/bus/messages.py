@@ -343,9 +343,7 @@ PREDICT: Final = Topic(
 )
 ROLL_BACK: Final = Topic("twin/simulation/rollback", "query", RollBackRequest, Upload, "simulation", patience=CHECKED)
 LOOK: Final = Topic("twin/simulation/look", "query", LookRequest, Look, "simulation")
-PROPOSE: Final = Topic(
-    "twin/simulation/propose", "query", ProposalRequest, Proposal, "simulation", patience=CHECKED
-)
+PROPOSE: Final = Topic("twin/simulation/propose", "query", ProposalRequest, Proposal, "simulation", patience=CHECKED)
 DECIDE_PROPOSAL: Final = Topic("twin/simulation/decide", "query", ProposalDecision, Proposal, "simulation")
 MONITORING: Final = Topic("twin/monitoring/verdict", "publication", MonitoringVerdict, None, "monitoring")
 ACKNOWLEDGE: Final = Topic(

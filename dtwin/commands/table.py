@@ -90,6 +90,11 @@ GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
         "console audit": Subcommand(
             "live.console", "ConsoleAudit", "show and check what was commanded from consoles"
         ),
+        "mcp": Subcommand("live.mcp", "McpCommand", "serve a cell to an AI by the Model Context Protocol"),
+        "mcp audit": Subcommand("live.mcp", "McpAudit", "show and check what an AI has called"),
+        "mcp proposals": Subcommand("live.mcp", "McpProposals", "show what an AI has proposed"),
+        "mcp approve": Subcommand("live.mcp", "McpApprove", "approve a proposal of an AI, which is carried out"),
+        "mcp decline": Subcommand("live.mcp", "McpDecline", "decline a proposal of an AI"),
         "stop": Subcommand("live.stop", "StopCommand", "let the function blocks stop the arm", parse_apart),
         "release": Subcommand("live.stop", "ReleaseCommand", "let a stopped arm move again", parse_apart),
         "fault inject": Subcommand("live.fault", "FaultInject", "let a fault happen to the emulated arm"),

@@ -15,6 +15,7 @@ import msgspec
 from dtwin.bus.messages import (
     ACKNOWLEDGE,
     DECIDE,
+    DECIDE_PROPOSAL,
     FAULT,
     IDENTIFY,
     RELEASE,
@@ -27,6 +28,7 @@ from dtwin.bus.messages import (
     StopRequest,
     Topic,
 )
+from dtwin.bus.proposals.messages import ProposalDecision
 from dtwin.bus.twin_messages import (
     AcknowledgeRequest,
     DataSource,
@@ -44,7 +46,7 @@ from dtwin.errors import ParameterError
 from dtwin.identification.store import STORE, ModelStore
 from dtwin.names import Name
 from dtwin.parameters import Gains
-from dtwin.signals import Count, Line, Seconds
+from dtwin.signals import Count, Line, Seconds, Word
 
 
 class Form(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -73,6 +75,14 @@ class Start(Form, frozen=True):
     source: DataSource = "signal"
     since: Seconds = 0.0
     anew: Line = ""
+
+
+class Seen(Form, frozen=True):
+    """A form that decides about a proposal of an AI as it was shown."""
+
+    number: Count
+    digest: Word
+    why: Line = ""
 
 
 class Parameter(Form, frozen=True):
@@ -219,6 +229,12 @@ def _roll_back_blocked(state: CellState) -> str:
     return "" if state.settings is not None and state.settings.on_trial else "no settings are on trial"
 
 
+def _decision_blocked(state: CellState) -> str:
+    if reason := _upload_blocked(state):
+        return reason
+    return "" if any(each.state == "open" for each in state.proposals) else "no proposal waits"
+
+
 def _fault_blocked(state: CellState) -> str:
     return _missing(state, "emulator", "")
 
@@ -315,6 +331,22 @@ COMMANDS: Final = {
             ROLL_BACK,
             lambda form, user, files: RollBackRequest(user, form.why),
             _roll_back_blocked,
+        ),
+        ConsoleCommand(
+            "approve",
+            "engineer",
+            Seen,
+            DECIDE_PROPOSAL,
+            lambda form, user, files: ProposalDecision(form.number, form.digest, user, "approve"),
+            _decision_blocked,
+        ),
+        ConsoleCommand(
+            "decline",
+            "operator",
+            Seen,
+            DECIDE_PROPOSAL,
+            lambda form, user, files: ProposalDecision(form.number, form.digest, user, "decline", form.why),
+            _decision_blocked,
         ),
         ConsoleCommand(
             "fault",

@@ -9,6 +9,8 @@ from typing import Any, Final
 import msgspec
 
 from dtwin.bus.messages import StopRequest
+from dtwin.bus.proposals.deciding import DOORS, decide
+from dtwin.bus.proposals.messages import ProposalDecision
 from dtwin.bus.session import Bus
 from dtwin.bus.stopping import stop
 from dtwin.bus.twin_messages import DeskState, MonitoringVerdict, Upload, WatchState
@@ -162,7 +164,7 @@ class Console:
             log.error("%s", error)
         try:
             answer = self._give(command, message)
-        except CommunicationError as error:
+        except (CommunicationError, ParameterError) as error:
             key, _, reason = str(error).partition(": ")
             answer = Answer(False, reason if key.startswith("dtwin/") and reason else str(error))
         self.hub.ask_again()
@@ -178,6 +180,9 @@ class Console:
             stopped = stop(self._bus, message)
             trouble = f"; the torque is off, because: {stopped.trouble}" if stopped.trouble else ""
             return Answer(True, words(stopped.state) + trouble, msgspec.to_builtins(stopped.state))
+        if isinstance(message, ProposalDecision):
+            decided = decide(self._bus, message, DOORS)
+            return Answer(True, f"proposal {decided.number} is {decided.state}; {decided.outcome}".removesuffix("; "))
         assert command.topic.reply is not None
         reply: Any = self._bus.ask(command.topic, message, command.topic.reply)
         return Answer(True, words(reply), msgspec.to_builtins(reply))

@@ -17,6 +17,7 @@ from dtwin.bus.messages import (
     EVENTS,
     IDENTIFICATION,
     IDENTIFY,
+    LOOK,
     MONITORING,
     PATH,
     RESIDUALS,
@@ -25,7 +26,6 @@ from dtwin.bus.messages import (
     STOP,
     SUMMARY,
     TICKS,
-    UPLOAD,
     VOLTAGES,
     WATCH,
     Acted,
@@ -37,9 +37,10 @@ from dtwin.bus.messages import (
     Topic,
 )
 from dtwin.bus.pairs import Pairs
+from dtwin.bus.proposals.messages import Look
 from dtwin.bus.session import Bus, Subscription
 from dtwin.bus.ticks import Tick
-from dtwin.bus.twin_messages import IdentificationState, MonitoringResiduals, MonitoringVerdict, Upload, WatchState
+from dtwin.bus.twin_messages import IdentificationState, MonitoringResiduals, MonitoringVerdict, WatchState
 from dtwin.bus.verdicts.opinion import Opinion
 from dtwin.console.conditions import conditions, doing
 from dtwin.console.excited import ExcitedMotion
@@ -64,7 +65,10 @@ FRESH: Final = 1000
 EVENTS_KEPT: Final = 60
 """Number of the last events that pages are told."""
 NEWS: Final = frozenset(
-    {EventKind.OPERATOR, EventKind.STOP, EventKind.UPLOAD, EventKind.CONFIRM, EventKind.ROLL_BACK}
+    {
+        *(EventKind.OPERATOR, EventKind.STOP, EventKind.UPLOAD, EventKind.CONFIRM, EventKind.ROLL_BACK),
+        EventKind.PROPOSAL,
+    }
 )
 """Events after which what is not published may be another."""
 M = TypeVar("M", bound=msgspec.Struct)
@@ -207,7 +211,8 @@ class Hub:
         unwatched = MONITORING.sender not in services or (watch is not None and not watch.running)
         verdict = None if unwatched else self._opinion.current(self._clocks.steady())
         identification = self._of("identification", IdentificationState)
-        settings = self._of("simulation", Upload)
+        look = self._of("simulation", Look)
+        settings = None if look is None else look.settings
         states = [health.state for health in services.values()]
         held = self._colours[1] if self._acted is not None and self._acted.box_gripped else ""
         waiting = self._colours[0]
@@ -225,6 +230,7 @@ class Hub:
             watch=watch,
             identification=identification,
             settings=settings,
+            proposals=() if look is None else look.proposals,
             places=spots(self.task),
             events=tuple(self._events),
             conditions=conditions(services, self._stop, verdict, settings, self.age, watch is None or watch.running),
@@ -326,7 +332,7 @@ class Hub:
             self._ask(SUMMARY, Summary)
             self.desk.look(self.is_here("bridge"))
             if self.is_here("simulation"):
-                self._ask(UPLOAD, Upload)
+                self._ask(LOOK, Look)
             if self.is_here("monitoring") and (self._ask_watch or WatchState not in self._last):
                 self._ask_watch = False
                 self._ask(WATCH, WatchState)

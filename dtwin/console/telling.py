@@ -7,6 +7,7 @@ from typing import Literal
 import msgspec
 
 from dtwin.bus.messages import Latency
+from dtwin.bus.proposals.messages import Proposal
 from dtwin.bus.twin_messages import IdentificationState, MonitoringVerdict, Upload, WatchState
 from dtwin.parameters import Triple
 from dtwin.signals import BoxCounts, Event, Quad, Stop
@@ -120,6 +121,7 @@ class CellState(msgspec.Struct, frozen=True, tag_field="tell", tag="state"):
         watch: whether the monitor watches, and what with; None without one.
         identification: state of the identification; None without that service.
         settings: settings in force; None without the simulation service.
+        proposals: the newest proposals of an AI, oldest first.
         places: places of the cell by name.
         events: last events, oldest first.
         conditions: what is abnormal now, the gravest first.
@@ -139,6 +141,7 @@ class CellState(msgspec.Struct, frozen=True, tag_field="tell", tag="state"):
     watch: WatchState | None = None
     identification: IdentificationState | None = None
     settings: Upload | None = None
+    proposals: tuple[Proposal, ...] = ()
     places: dict[str, Spot] = {}
     events: tuple[Event, ...] = ()
     conditions: tuple[Condition, ...] = ()

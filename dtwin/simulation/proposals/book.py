@@ -55,7 +55,9 @@ class Book:
         """
         self._expire(time, version)
         if sum(each.state == "open" for each in self._kept.values()) >= MOST_OPEN:
-            raise ParameterError(f"{MOST_OPEN} proposals wait for a person already: expected none more until one does")
+            raise ParameterError(
+                f"{MOST_OPEN} proposals wait for a person already: expected none more until one does"
+            )
         number = max(self._kept, default=0) + 1
         return self._keep(Proposal(number, digest(number, time, request), time, request, effect=effect))
 

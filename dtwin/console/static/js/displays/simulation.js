@@ -6,6 +6,7 @@ import { drawCurves } from "../curves.js";
 import { choice, field, form, numberOf, triple } from "../fields.js";
 import { jobButton } from "../jobs.js";
 import { store } from "../store.js";
+import { makeProposals } from "./proposals.js";
 import { makeHistory, makeTrial } from "./trial.js";
 
 const PLACES = ["pickup", "blue", "red", "green", "home", "hanging"].map((name) => [name, name]);
@@ -80,6 +81,7 @@ export function makeSimulation() {
     done: () => history.load(),
   });
   const trial = makeTrial();
+  const proposals = makeProposals();
   const history = makeHistory();
   const figure = el("div");
   const curves = [1, 2, 3].map((joint) => el("canvas", { class: "trend", role: "img", "aria-label": `Joint ${joint}: predicted distance from the path of every candidate` }));
@@ -94,6 +96,7 @@ export function makeSimulation() {
     panel("Predicted", "w8", figure, ...curves, volts),
     panel("Search", "w6", form(judged), optimise, front, best),
     panel("Upload", "w6", el("div", { class: "stack" }, form(why), el("div", { class: "row" }, upload.node, uploadModel.node), trial.node)),
+    panel("Proposals of an AI", "w12", proposals.node),
     panel("History of the settings", "w12", history.node),
   );
   get("/api/models").then(({ models }) => {
@@ -142,6 +145,7 @@ export function makeSimulation() {
       filled = true;
     }
     trial.state();
+    proposals.state();
     history.state();
   }
   function draw() {
