@@ -25,6 +25,7 @@ MOST: Final = 100
 CUT: Final = "…"
 _JOINTED: Final = "|".join(sorted(KINDS))
 _PARAMETER: Final = re.compile(rf"(?:{_JOINTED})[123]?(?: (?:and|or) (?:{_JOINTED})[123]?)*")
+_HASH: Final = re.compile("[0-9a-f]{32}")
 _SERVICES: Final = (
     *("emulator", "bridge", "controller", "recorder", "identification", "monitoring", "simulation", "console"),
     *("supervisor", "operator", "dtwin"),
@@ -65,7 +66,7 @@ def from_plant(text: str) -> dict[str, str]:
 
 def is_own(text: str) -> bool:
     """Whether a text is a word of the project's vocabulary or the name of a fault."""
-    return text in WORDS or _PARAMETER.fullmatch(text) is not None
+    return text in WORDS or _HASH.fullmatch(text) is not None or _PARAMETER.fullmatch(text) is not None
 
 
 def marked(value: Any) -> Any:

@@ -11,6 +11,7 @@ from mcp.server.mcpserver import MCPServer
 from mcp.server.mcpserver.exceptions import ToolError
 from mcp.server.mcpserver.prompts import Prompt
 from mcp.types import ToolAnnotations
+from pydantic import ValidationError
 
 from dtwin.ai.audit import Noting
 from dtwin.ai.profiles import PROFILES, Profile
@@ -53,9 +54,19 @@ class NotedServer(MCPServer[Any]):
                     raise ToolError(f"{name}: argument {each[:50]!r}: expected {choices(known) if known else 'none'}")
             return await super().call_tool(name, arguments, context)
         except ToolError as error:
+            if isinstance(error.__cause__, ValidationError):
+                said = ToolError(f"{name}: {_words(error.__cause__)}")
+                await to_thread.run_sync(self._noting.refused, name, arguments, str(said))
+                raise said from None
             if not isinstance(error.__cause__, ToolError):
                 await to_thread.run_sync(self._noting.refused, name, arguments, str(error))
             raise
+
+
+def _words(error: ValidationError) -> str:
+    """What is wrong with arguments, in one line."""
+    found = error.errors(include_url=False, include_input=False)
+    return "; ".join(f"argument {'.'.join(map(str, each['loc']))}: {each['msg']}" for each in found[:3])
 
 
 def make_server(station: Station, profile: Profile, noting: Noting, acting: Acting | None) -> NotedServer:

@@ -32,7 +32,7 @@ SERVICES: Final = (
     "simulation",
     "console",
 )
-ROLES: Final = (*SERVICES, "operator")
+ROLES: Final = (*SERVICES, "operator", "ai-observe", "ai-propose", "ai-act")
 PROBE: Final = b"a probe of rights"
 DENIED: Final = 1.5
 """Time in which a query that may be answered is answered by far, s."""
@@ -64,7 +64,7 @@ def granted() -> set[Right]:
         if senders == "each service under its own name":
             found |= {Right(name, action, topic.replace("*", name)) for name in SERVICES}
         else:
-            roles = ROLES if senders == "everybody" else senders.split(", ")
+            roles = senders.replace("every service", ", ".join(SERVICES)).split(", ")
             found |= {Right(name, action, topic) for name in roles}
         found |= {Right(name, "ask", topic) for name in askers.split(", ") if name}
     return found
@@ -200,12 +200,13 @@ def test_a_role_publishes_and_announces_what_the_table_says(sessions: Sessions, 
         tokens.extend(session.liveliness().declare_token(key(topic)) for topic in of(CONCEIVABLE, role, "announce"))
         for topic in sorted(of(CONCEIVABLE, role, "publish") - {EVENTS.name}):
             session.put(key(topic), mine)
-        session.put(key(EVENTS.name), mine)
+        tell(sessions, role, mine)
         return expected <= heard and ("publish", EVENTS.name) in heard
 
     try:
         until(passes, "what is granted passes", 60.0)
-        assert heard == expected
+        assert heard - {("publish", EVENTS.name)} == expected - {("publish", EVENTS.name)}
+        assert (("publish", EVENTS.name) in expected) == may_tell(role)
     finally:
         for declared in tokens:
             declared.undeclare()
@@ -214,7 +215,7 @@ def test_a_role_publishes_and_announces_what_the_table_says(sessions: Sessions, 
         mine = mine + b" is done"
 
         def done() -> bool:
-            session.put(key(EVENTS.name), mine)
+            tell(sessions, role, mine)
             return ("publish", EVENTS.name) in heard
 
         until(done, "nothing is on its way any more", 60.0)
@@ -236,7 +237,7 @@ def test_a_role_answers_what_the_table_says(sessions: Sessions, role: str) -> No
 
     def passes() -> bool:
         """An event comes after what was declared, on the same way."""
-        sessions.first[role]._session.put(key(EVENTS.name), PROBE)
+        tell(sessions, role, PROBE)
         return bool(heard)
 
     try:
@@ -267,6 +268,25 @@ def test_a_role_asks_what_the_table_says(sessions: Sessions, role: str) -> None:
     finally:
         for queryable in declared:
             queryable.undeclare()
+
+
+def may_tell(role: str) -> bool:
+    """Whether a role may publish events."""
+    return Right(role, "publish", EVENTS.name) in GRANTED
+
+
+def tell(sessions: Sessions, role: str, payload: bytes) -> None:
+    """An event after all that a role has sent; for one that may publish none the operator tells it.
+
+    A query of the role that has ended shows that the router has taken what the role sent before.
+    """
+    own = sessions.first[role]
+    if may_tell(role):
+        own._session.put(key(EVENTS.name), payload)
+        return
+    own._session.put(key(EVENTS.name), b"a forged event")
+    ask(own, "twin/simulation/look")
+    sessions.first["operator"]._session.put(key(EVENTS.name), payload)
 
 
 def ask(bus: Bus, topic: str) -> bool:

@@ -1,0 +1,103 @@
+"""Proposals are decided once, in time, as they were seen."""
+
+from pathlib import Path
+
+import pytest
+from msgspec.structs import replace
+
+from dtwin.bus.proposals.messages import ProposalDecision, ProposalRequest
+from dtwin.bus.twin_messages import UploadRequest
+from dtwin.errors import ParameterError, RecordingError
+from dtwin.simulation.proposals.book import HOLDS, MOST_OPEN, Book, check_form
+
+SLOWER = ProposalRequest("ai", "slower", "settings", UploadRequest("ai", "slower", 3, target_time=3.0))
+STOP = ProposalRequest("ai", "look at it", "stop")
+
+
+@pytest.fixture
+def book(tmp_path: Path) -> Book:
+    return Book(tmp_path / "proposals.jsonl")
+
+
+def approval(number: int, digest: str, who: str = "carol") -> ProposalDecision:
+    return ProposalDecision(number, digest, who, "approve")
+
+
+def test_an_approval_counts_once(book: Book) -> None:
+    made = book.add(SLOWER, None, 10.0, 3)
+    assert book.decide(approval(1, made.digest), 11.0, 3).state == "approved"
+    with pytest.raises(ParameterError, match="approved already by carol"):
+        book.decide(approval(1, made.digest), 12.0, 3)
+
+
+def test_an_approval_of_another_proposal_than_was_seen_is_refused(book: Book) -> None:
+    first, second = book.add(SLOWER, None, 10.0, 3), book.add(STOP, None, 10.0, 3)
+    for number, digest in ((1, second.digest), (2, first.digest), (1, "0" * 32), (1, "")):
+        with pytest.raises(ParameterError, match="another one than was seen"):
+            book.decide(approval(number, digest), 11.0, 3)
+    with pytest.raises(ParameterError, match="none of this number"):
+        book.decide(approval(7, first.digest), 11.0, 3)
+    assert [each.state for each in book.newest(11.0, 3)] == ["open", "open"]
+
+
+@pytest.mark.parametrize(
+    ("time", "version", "why"),
+    [(10.0 + HOLDS + 0.1, 3, "nobody approved it"), (11.0, 4, "stands on version 3"), (9.0, 3, "an earlier run")],
+)
+def test_a_late_approval_is_refused(book: Book, time: float, version: int, why: str) -> None:
+    made = book.add(SLOWER, None, 10.0, 3)
+    with pytest.raises(ParameterError, match=why):
+        book.decide(approval(1, made.digest), time, version)
+
+
+def test_what_was_decided_outlives_the_service(tmp_path: Path) -> None:
+    path = tmp_path / "proposals.jsonl"
+    book = Book(path)
+    made = [book.add(request, None, 10.0, 3) for request in (SLOWER, STOP)]
+    book.decide(approval(1, made[0].digest), 11.0, 3)
+    again = Book(path)
+    assert [each.state for each in again.newest(12.0, 3)] == ["approved", "open"]
+    with pytest.raises(ParameterError, match="approved already"):
+        again.decide(approval(1, made[0].digest), 12.0, 3)
+
+
+def test_a_book_that_was_changed_is_not_read(tmp_path: Path) -> None:
+    path = tmp_path / "proposals.jsonl"
+    Book(path).add(STOP, None, 10.0, 3)
+    path.write_bytes(path.read_bytes().replace(b"look at it", b"trust me"))
+    with pytest.raises(RecordingError, match="as it was written"):
+        Book(path)
+
+
+def test_what_came_of_it_is_told_by_who_approved_it_alone(book: Book) -> None:
+    made = book.add(STOP, None, 10.0, 3)
+    report = ProposalDecision(1, made.digest, "carol", "report", "stop: standstill")
+    with pytest.raises(ParameterError, match="expected a report of who approved it"):
+        book.decide(report, 11.0, 3)
+    book.decide(approval(1, made.digest), 11.0, 3)
+    with pytest.raises(ParameterError, match="expected a report of who approved it"):
+        book.decide(replace(report, who="mallory"), 12.0, 3)
+    assert book.decide(report, 12.0, 3).outcome == "stop: standstill"
+
+
+def test_not_more_wait_than_a_person_can_look_at(book: Book) -> None:
+    for _ in range(MOST_OPEN):
+        book.add(STOP, None, 10.0, 3)
+    with pytest.raises(ParameterError, match="wait for a person already"):
+        book.add(STOP, None, 10.0, 3)
+
+
+@pytest.mark.parametrize(
+    "request_",
+    [
+        replace(SLOWER, change=None),
+        replace(STOP, change=SLOWER.change),
+        replace(STOP, parameters=("K2",)),
+        replace(STOP, kind="answer"),
+        replace(STOP, kind="diagnosis"),
+        replace(STOP, text="and then"),
+    ],
+)
+def test_a_request_proposes_one_thing(request_: ProposalRequest) -> None:
+    with pytest.raises(ParameterError, match="expected"):
+        check_form(request_)
