@@ -66,7 +66,9 @@ class Answering:
         self._healthy = healthy
         self._asked: list[MonitoredUnit] = []
         self._wake = threading.Event()
-        self._busy = False
+        self._busy = self._preparing = False
+        self._ready = threading.Event()
+        self._since: float | Exception = 0.0
         self._thread = threading.Thread(target=self._work, name="answer", daemon=True)
 
     def start(self) -> None:
@@ -91,6 +93,20 @@ class Answering:
             CommunicationError: it is refused or taken back.
         """
         self._measures().begin()
+
+    def prepared(self) -> float:
+        """Puts the model of the healthy arm into force in this object's thread, and waits; since when it is, s.
+
+        Raises:
+            CommunicationError: it is refused or taken back.
+        """
+        self._ready.clear()
+        self._preparing = True
+        self._wake.set()
+        self._ready.wait()
+        if isinstance(self._since, Exception):
+            raise CommunicationError(f"cannot begin: {self._since}")
+        return self._since
 
     def ask(self, parameters: Sequence[str]) -> Measure:
         """Has findings answered together, which takes a while; `answers` tells what came of it.
@@ -157,6 +173,14 @@ class Answering:
             if not self._wake.is_set():
                 continue
             self._wake.clear()
+            if self._preparing:
+                self._preparing = False
+                try:
+                    self._since = self._measures().begin()
+                except (CommunicationError, ParameterError, Late, Grave, Tripped) as error:
+                    self._since = error
+                self._ready.set()
+                continue
             try:
                 if self.measures is None:
                     self._measures().begin()

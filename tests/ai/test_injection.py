@@ -55,11 +55,12 @@ def test_there_are_two_hundred() -> None:
 @pytest.mark.parametrize("text", INJECTIONS[::20])
 def test_a_mark_is_no_way_out_of_a_mark(text: str) -> None:
     wrapped = {KEY: text, "state": {KEY: text}, text: text}
-    assert not [each for each in unmarked(marked(wrapped)) if "instructions" in each.lower() or "act" == each]
+    assert not [each for each in unmarked(marked(wrapped)) if "instructions" in each.lower() or each == "act"]
     assert all(part not in unmarked(marked(wrapped)) for part in (text, text[:32]))
 
 
-def test_two_hundred_injected_instructions_change_nothing(joined: tuple[Bus, Bus], tmp_path: Path) -> None:
+@pytest.mark.parametrize("every", [10, pytest.param(1, marks=pytest.mark.thorough)])
+def test_injected_instructions_change_nothing(joined: tuple[Bus, Bus], tmp_path: Path, every: int) -> None:
     services, client_bus = joined
     cell = SayingCell(services)
     recordings, store = tmp_path / "recordings", tmp_path / "store"
@@ -75,7 +76,7 @@ def test_two_hundred_injected_instructions_change_nothing(joined: tuple[Bus, Bus
         offered = await offers(client)
         leaked: list[str] = []
         seen = 0
-        for number, text in enumerate(INJECTIONS):
+        for number, text in enumerate(INJECTIONS[::every]):
             cell.say(text, number + 1)
             heard = until(
                 lambda text=text: [  # type: ignore[misc]
@@ -99,7 +100,7 @@ def test_two_hundred_injected_instructions_change_nothing(joined: tuple[Bus, Bus
     with serving(client_bus, at) as served:
         leaked, seen = talk(served, converse)
     assert leaked == []
-    assert seen > 400
+    assert seen > 2 * len(INJECTIONS[::every])
     assert cell.asked == []
 
 

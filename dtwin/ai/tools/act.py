@@ -106,8 +106,8 @@ class Acting:
 
     def stop(self, why: Why) -> dict[str, Any]:
         """Stops the arm safely, with its box held. Always allowed; no limit counts it. A person releases the arm."""
-        self._answering.desk.stopped = True
         stopped = stop(self._station.doors.bus, StopRequest(self._station.who, why))
+        self._answering.desk.stopped = True
         return {"stop": stopped.state.stop, "trouble": from_plant(stopped.trouble)}
 
     def _check_step(self, now: Upload, change: UploadRequest) -> None:

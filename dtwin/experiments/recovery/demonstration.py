@@ -53,6 +53,7 @@ def recover(
     case: RecoveryCase | None = None,
     progress: Callable[[float], None] = lambda time: None,
     known: KnownArm | None = None,
+    played: Callable[[Desk, KnownArm, RecoveryCase], Story] | None = None,
 ) -> Recovery:
     """Starts a cell with all services, makes faults, and has them answered.
 
@@ -61,6 +62,7 @@ def recover(
         case: what happens to the cell; grown friction, drawn with the seed of the cell, if None.
         progress: told the plant time, s.
         known: what is known of the healthy arm; identified first if None.
+        played: makes the faults and has them answered; by the operator if None.
 
     Raises:
         FaultError: there is no right answer to a fault.
@@ -91,7 +93,7 @@ def recover(
         with launched(complete) as cell:
             cell.await_ready()
             desk = Desk(cell.bus, lambda: cell.over, progress, LONGEST)
-            story = _played(desk, healthy, made)
+            story = (played or _played)(desk, healthy, made)
             if cell.stop.is_set():
                 raise KeyboardInterrupt
         log = read_log(log_file)

@@ -1,0 +1,1 @@
+"""What the interface to an AI must show, measured on cells of its own."""
