@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -20,6 +21,7 @@ from dtwin.bus.proposals.messages import Look, Proposal, ProposalDecision
 from dtwin.bus.session import Bus
 from dtwin.bus.twin_messages import Upload, UploadRequest
 from dtwin.errors import CommunicationError
+from dtwin.parameters import ROOT
 from dtwin.services.runfile import join
 from tests.support.ai import place, serving, talk
 from tests.support.desk import Desk, busy_cell, new_desk
@@ -45,7 +47,11 @@ def bus(cell: Desk) -> Iterator[Bus]:
 
 
 def test_the_sdks_own_client_looks_over_stdio(cell: Desk, tmp_path: Path) -> None:
-    command = ["-m", "dtwin", "mcp", "--audit", str(tmp_path / "audit.jsonl")]
+    page = (ROOT / "docs" / "ai.md").read_text()
+    (told,) = (json.loads(block) for block in re.findall(r"```json\n(.*?)```", page, re.S))
+    started = told["mcpServers"]["cell"]
+    assert started["command"] == "dtwin"
+    command = ["-m", "dtwin", *started["args"], "--audit", str(tmp_path / "audit.jsonl")]
     server = StdioServerParameters(command=sys.executable, args=command, env=dict(os.environ), cwd=tmp_path)
 
     async def converse() -> tuple[set[str], list[Any], bool]:
