@@ -153,7 +153,7 @@ class Script:
 def _place(measure: str) -> int:
     """Where a measure stands in the order in which they are taken: a stop first, then what changes nothing."""
     first = (STOP, PASSES)
-    return first.index(measure) if measure in first else len(first) + MEASURES.index(measure)  # type: ignore[arg-type]
+    return first.index(measure) if measure in first else len(first) + MEASURES.index(measure)
 
 
 def _kept(found: dict[str, Any]) -> bool:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from dtwin.ai.profiles import PROFILES, RIGHTS, Allowance, Doors, Limits, Rate, role_of
+from dtwin.ai.profiles import PROFILES, RIGHTS, Allowance, Doors, Limits, Profile, Rate, role_of
 from dtwin.bus.messages import TOPICS
 from dtwin.bus.session import Bus
 from dtwin.errors import ParameterError
@@ -22,28 +22,29 @@ class Silent(Bus):
 
 
 @pytest.mark.parametrize("profile", PROFILES)
-def test_the_program_asks_what_the_router_grants_and_no_more(profile: str) -> None:
+def test_the_program_asks_what_the_router_grants_and_no_more(profile: Profile) -> None:
     granted = {right.topic for right in GRANTED if (right.role, right.action) == (f"ai-{profile}", "ask")}
-    assert granted == {topic.name for topic in RIGHTS[profile]}  # type: ignore[index]
+    assert granted == {topic.name for topic in RIGHTS[profile]}
 
 
 def test_nothing_that_observes_or_proposes_may_act() -> None:
     acting = {"controller/stop", "controller/release", "controller/settings", "controller/desk", "emulator/fault"}
     acting |= {"twin/simulation/upload", "twin/simulation/decide", "twin/monitoring/acknowledge"}
-    for profile in ("observe", "propose"):
-        assert not acting & {topic.name for topic in RIGHTS[profile]}  # type: ignore[index]
+    quiet: tuple[Profile, ...] = ("observe", "propose")
+    for profile in quiet:
+        assert not acting & {topic.name for topic in RIGHTS[profile]}
     assert "twin/simulation/decide" not in {topic.name for topic in RIGHTS["act"]}
 
 
 @pytest.mark.parametrize("profile", PROFILES)
-def test_a_door_that_is_not_the_profiles_own_stays_shut(profile: str) -> None:
+def test_a_door_that_is_not_the_profiles_own_stays_shut(profile: Profile) -> None:
     bus = Silent()
     for topic in TOPICS:
-        if topic not in RIGHTS[profile]:  # type: ignore[index]
+        if topic not in RIGHTS[profile]:
             with pytest.raises(ParameterError, match="may not ask this"):
-                Doors(bus, profile).ask(topic, None, Gains)  # type: ignore[arg-type, type-var]
+                Doors(bus, profile).ask(topic, None, Gains)  # type: ignore[type-var]
     assert not bus.asked
-    assert role_of(profile) == f"ai-{profile}"  # type: ignore[arg-type]
+    assert role_of(profile) == f"ai-{profile}"
 
 
 def test_changes_are_counted_against_their_limits() -> None:
