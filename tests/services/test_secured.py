@@ -209,7 +209,7 @@ def test_only_operators_may_inject_faults(secured: Path) -> None:
         emulator.bus.answer(FAULT, FaultRequest, lambda asked: Done(0.0, "done"))
         with Probe(secured, "operator") as operator:
             assert operator.bus.ask(FAULT, fault, Done).text == "done"
-        for name in ("recorder", "monitoring", "simulation"):
+        for name in ("recorder", "simulation", "ai-propose"):
             with Probe(secured, name) as other, pytest.raises(CommunicationError, match="may this session ask"):
                 other.bus.ask(FAULT, fault, Done, 0.5)
 
@@ -218,10 +218,10 @@ def test_the_bridge_and_those_who_stop_tell_the_latch_of_a_stop(secured: Path) -
     kept = LatchState(0.0, 1, "braking")
     with Probe(secured, "emulator") as emulator:
         emulator.bus.answer(LATCH, LatchRequest, lambda asked: kept)
-        for name in ("bridge", "operator", "console"):
+        for name in ("bridge", "monitoring", "operator", "console", "ai-act"):
             with Probe(secured, name) as other:
                 assert other.bus.ask(LATCH, LatchRequest("braking"), LatchState) == kept
-        for name in ("recorder", "monitoring", "simulation"):
+        for name in ("recorder", "simulation", "ai-propose"):
             with Probe(secured, name) as other, pytest.raises(CommunicationError, match="may this session ask"):
                 other.bus.ask(LATCH, LatchRequest("none", 1), LatchState, 0.5)
 

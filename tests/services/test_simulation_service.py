@@ -404,10 +404,13 @@ class FakeService:
             self._answers[UPLOAD.name](UploadRequest("test", "at once", 1, target_time=3.0))
 
 
-def test_an_upload_that_comes_at_once_waits_for_what_it_is_checked_with(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_upload_that_comes_at_once_waits_for_what_it_is_checked_with(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     monkeypatch.setattr(simulation, "Uploader", FakeUploader)
     checker = FakeChecker()
-    simulation.Simulation(cast(Any, FakeService()), cast(Any, None), cast(Any, checker)).run()
+    history = History(tmp_path / "history.jsonl")
+    simulation.Simulation(cast(Any, FakeService()), history, cast(Any, checker)).run()
     assert checker.noted == ["load", "upload"]
 
 
