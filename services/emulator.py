@@ -12,7 +12,7 @@ import math
 import signal
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as FutureTimeoutError
 from dataclasses import dataclass
@@ -45,6 +45,7 @@ from dtwin.errors import CommunicationError, DivergenceError, DtwinError
 from dtwin.parameters import PERIOD
 from dtwin.run.loop import tick_count
 from dtwin.run.options import PlantOptions
+from dtwin.run.out_of_place import out_of_place
 from dtwin.services.parts.gate import STALE, Gate
 from dtwin.services.parts.journaled import JournaledCell
 from dtwin.services.parts.latencies import Latencies
@@ -92,7 +93,8 @@ class Options(PlantOptions, Link):
         else:
             cell, trouble = revive(settings, self.journal)
         with Service(NAME, self) as service:
-            whole = Emulator(service, cell, self.pace, self.stale, trouble, self.recorded).run(ticks)
+            emulator = Emulator(service, cell, self.pace, self.stale, trouble, self.recorded)
+            whole = emulator.run(ticks, out_of_place(settings.task, settings.arm))
         return 0 if whole else ASKED_TO_END
 
 
@@ -163,10 +165,12 @@ class Emulator:
             self._latched,
         )
 
-    def run(self, ticks: int | None) -> bool:
-        """Runs until the cell has done so many ticks, or is asked to end; returns whether it has done them."""
+    def run(self, ticks: int | None, missed: Sequence[str] = ()) -> bool:
+        """Tells which places the arm misses, then runs until the ticks are done or it is asked to end; whether they are."""
         service = self._service
         service.ready()
+        for text in missed:
+            self._announce(EventKind.TROUBLE, text)
         if self._trouble:
             self._announce(EventKind.JOURNAL, self._trouble)
         self._tell_news()

@@ -9,6 +9,7 @@ from dtwin.controller.settings import Compensation
 from dtwin.emulation.faults import Fault
 from dtwin.logs.log import Log
 from dtwin.parameters import PERIOD
+from dtwin.run.out_of_place import out_of_place
 from dtwin.run.settings import CellSettings
 
 _OF_BOXES: Final = ("payload", "pads", "slip")
@@ -22,7 +23,7 @@ def without_effect(settings: CellSettings, log: Log) -> list[str]:
         settings: settings of the run.
         log: its log.
     """
-    return [*_faults(settings, log), *_options(settings)]
+    return [*out_of_place(settings.task, settings.arm), *_faults(settings, log), *_options(settings)]
 
 
 def _faults(settings: CellSettings, log: Log) -> Iterator[str]:

@@ -1,13 +1,19 @@
 """What was asked of a run and came to nothing is told at its end."""
 
+import math
+from dataclasses import replace
 from typing import Any
 
 import pytest
 
 from dtwin.controller.settings import Compensation, ControlSettings
 from dtwin.emulation.faults import parse_fault
+from dtwin.parameters import ArmParameters
 from dtwin.run.cell import Cell
+from dtwin.run.out_of_place import out_of_place
 from dtwin.run.settings import CellSettings
+from dtwin.task import DEFAULT_TASK
+from dtwin.twin.kinematics import forward
 
 EARLIER = ControlSettings(compensation=Compensation(delay=0.005))
 
@@ -34,3 +40,16 @@ def test_what_came_to_nothing_is_told(settings: dict[str, Any], expected: list[s
     summary = cell.summary(cell.log.freeze())
     assert summary.without_effect == expected
     assert summary.placement_error_mm is None
+
+
+def test_places_that_the_arm_does_not_come_to_are_told_with_the_distance() -> None:
+    longer = replace(ArmParameters(), length=(0.2, 0.35, 0.1))
+    missed = out_of_place(DEFAULT_TASK, longer)
+    assert [text.partition(":")[0] for text in missed] == list(DEFAULT_TASK.all_places)
+    x, y, _ = forward(DEFAULT_TASK.pickup.theta, longer)
+    distance = 1000 * math.dist((x, y), (DEFAULT_TASK.pickup.x, DEFAULT_TASK.pickup.y))
+    assert f"misses the place by {distance:.0f} mm, expected at most 20 mm" in missed[0]
+    assert not out_of_place(DEFAULT_TASK, ArmParameters())
+    cell = Cell(CellSettings(duration=1.0, arm=longer))
+    cell.run()
+    assert cell.summary(cell.log.freeze()).without_effect == missed
