@@ -166,7 +166,7 @@ class Emulator:
         )
 
     def run(self, ticks: int | None, missed: Sequence[str] = ()) -> bool:
-        """Tells which places the arm misses, then runs until the ticks are done or it is asked to end; whether they are."""
+        """Tells which places the arm misses, then runs until the ticks are done or it shall end; whether they are."""
         service = self._service
         service.ready()
         for text in missed:
