@@ -98,6 +98,9 @@ GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
         "stop": Subcommand("live.stop", "StopCommand", "let the function blocks stop the arm", parse_apart),
         "release": Subcommand("live.stop", "ReleaseCommand", "let a stopped arm move again", parse_apart),
         "fault inject": Subcommand("live.fault", "FaultInject", "let a fault happen to the emulated arm"),
+        "experiment ai": Subcommand(
+            "live.ai", "ExperimentAi", "let an AI answer drawn faults, call at random, change badly; report"
+        ),
         "bench start": Subcommand("live.bench", "BenchStart", "time the start of a cell with all services"),
         "bench services": Subcommand("live.bench", "BenchServices", "measure what each service of a cell takes"),
     },

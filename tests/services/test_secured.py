@@ -209,7 +209,7 @@ def test_only_operators_may_inject_faults(secured: Path) -> None:
         emulator.bus.answer(FAULT, FaultRequest, lambda asked: Done(0.0, "done"))
         with Probe(secured, "operator") as operator:
             assert operator.bus.ask(FAULT, fault, Done).text == "done"
-        for name in ("recorder", "simulation", "ai-propose"):
+        for name in ("recorder", "monitoring", "simulation", "ai-act"):
             with Probe(secured, name) as other, pytest.raises(CommunicationError, match="may this session ask"):
                 other.bus.ask(FAULT, fault, Done, 0.5)
 

@@ -18,7 +18,6 @@ from dtwin.ai.tools.arguments import (
     Ki,
     Kp,
     ModelName,
-    Offsets,
     TargetTime,
     Version,
     Why,
@@ -54,15 +53,15 @@ class Acting:
         target_time: TargetTime | None = None,
         assumed_box: Box | None = None,
         model: ModelName | None = None,
-        encoder_offset: Offsets | None = None,
     ) -> dict[str, Any]:
-        """Uploads gains with or without a target time, or alone a model, the mass of a box, or offsets of encoders.
+        """Uploads gains with or without a target time, or alone a model or the mass of a box.
 
-        They are checked on the twin, then on trial, and taken back when the arm does worse than expected.
+        They are checked on the twin, then on trial, and taken back when the arm does worse than expected. Offsets of
+        encoders come by `answer_findings` alone, as measured: a trial cannot see a wrong one.
         """
         now = self._station.doors.ask(LOOK, None, Look).settings
         change = change_of(self._station, now, why, based_on, (kp, ki, kd), target_time)
-        change = msgspec.structs.replace(change, **others_of(self._station, assumed_box, model, encoder_offset))
+        change = msgspec.structs.replace(change, **others_of(self._station, assumed_box, model, None))
         self._check_step(now, change)
         self._allowance.take()
         return _told(self._station.doors.ask(UPLOAD, change, Upload))

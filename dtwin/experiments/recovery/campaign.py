@@ -15,7 +15,7 @@ from dtwin.campaign.spread import Progress
 from dtwin.emulation.machine.files import machine_of, toml
 from dtwin.emulation.machine.sections import IDEAL, Contact
 from dtwin.experiments.recovery.cases import drawn_case
-from dtwin.experiments.recovery.demonstration import recover
+from dtwin.experiments.recovery.demonstration import Played, recover
 from dtwin.experiments.recovery.known import KnownArm, known_arm
 from dtwin.experiments.recovery.outcome import Recovery, fault_text
 from dtwin.experiments.report import Report
@@ -67,7 +67,11 @@ class RecoveryTrial:
 
 
 def recovery_experiment(
-    options: CellOptions, runs: int, machines: Sequence[int], progress: Progress
+    options: CellOptions,
+    runs: int,
+    machines: Sequence[int],
+    progress: Progress,
+    played: Played | None = None,
 ) -> list[RecoveryTrial]:
     """Runs cells with drawn cases, one after another.
 
@@ -77,6 +81,7 @@ def recovery_experiment(
         machines: numbers of drawn machines that the arms are in turn, among bodies that touch; none for that of the
             options.
         progress: told how many runs are done.
+        played: makes the faults and has them answered; by the operator if None.
 
     Raises:
         CommunicationError: a cell does not come up.
@@ -92,7 +97,11 @@ def recovery_experiment(
             if files and machine not in known:
                 place = Path(tempfile.mkdtemp(dir=folder))
                 known[machine] = known_arm(case.settings(), place, np.random.default_rng(case.seed))
-            trials.append(_trial(recover(case, drawn_case(case.seed), known=known.get(machine)), Path(machine).stem))
+            trials.append(
+                _trial(
+                    recover(case, drawn_case(case.seed), known=known.get(machine), played=played), Path(machine).stem
+                )
+            )
             progress(len(trials), runs)
     return trials
 

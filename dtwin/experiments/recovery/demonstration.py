@@ -27,6 +27,8 @@ from dtwin.run.settings import sequence_of
 from dtwin.services.launch import CellOptions, launched
 from dtwin.signals import EventKind
 
+Played = Callable[[Desk, KnownArm, RecoveryCase], Story]
+"""Makes the faults of a case and has them answered at a desk."""
 LIMIT: Final = 60.0
 """s of plant time after the fault in which the arm has to have recovered"""
 LONGEST: Final = 600.0
@@ -53,7 +55,7 @@ def recover(
     case: RecoveryCase | None = None,
     progress: Callable[[float], None] = lambda time: None,
     known: KnownArm | None = None,
-    played: Callable[[Desk, KnownArm, RecoveryCase], Story] | None = None,
+    played: Played | None = None,
 ) -> Recovery:
     """Starts a cell with all services, makes faults, and has them answered.
 
