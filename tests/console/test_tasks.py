@@ -5,6 +5,9 @@ import re
 import pytest
 from playwright.sync_api import Page, expect
 
+from dtwin.bus.messages import LOOK, PROPOSE
+from dtwin.bus.proposals.messages import Look, Proposal, ProposalRequest
+from dtwin.services.runfile import join
 from tests.support.desk import Desk
 from tests.support.pages.colours import in_colour, told_in_words
 from tests.support.pages.hand import LEARNT, SLOW, Hand, answered, listed
@@ -212,3 +215,20 @@ def test_texts_with_markup_are_shown_as_text(console_page: Page, cell: Desk) -> 
         page.get_by_role("link", name=display).click()
         expect(page.locator("main")).to_contain_text("onerror")
     assert page.title() != "1"
+
+
+def test_what_an_ai_proposes_is_approved_or_declined_as_it_is_shown(hand: Hand, cell: Desk) -> None:
+    page = hand.page
+    with join("cell") as bus:
+        asked = ProposalRequest("claude", "the shift asks", "diagnosis", text="<b>nothing</b> is wrong")
+        first, second = (bus.ask(PROPOSE, asked, Proposal) for _ in range(2))
+        hand.open("Simulation")
+        for made, action, became in ((first, "Approve", "approved"), (second, "Decline", "declined")):
+            button = page.get_by_role("button", name=f"{action} proposal {made.number}")
+            expect(button).to_have_attribute("aria-disabled", "false", timeout=SLOW)
+            hand.click(button)
+            if action == "Approve":
+                hand.confirm()
+            expect(page.get_by_text(f"{made.number}. diagnosis, by claude")).to_contain_text(became, timeout=SLOW)
+        expect(page.get_by_text("“<b>nothing</b> is wrong”").first).to_be_visible()
+        assert [each.state for each in bus.ask(LOOK, None, Look).proposals[-2:]] == ["approved", "declined"]
