@@ -51,6 +51,7 @@ class Answering:
     Args:
         bus: session with the rights of an operator's recovery.
         healthy: the healthy arm; the model in force when None.
+        who: name in the history of what is uploaded.
 
     Attributes:
         desk: the desk, which hears all the time.
@@ -58,9 +59,9 @@ class Answering:
         answers: what has been answered, in order.
     """
 
-    def __init__(self, bus: Bus, healthy: ArmParameters | None = None) -> None:
+    def __init__(self, bus: Bus, healthy: ArmParameters | None, who: str) -> None:
         self._over = threading.Event()
-        self.desk = Desk(bus, self._over.is_set, lambda time: None)
+        self.desk = Desk(bus, self._over.is_set, lambda time: None, who=who)
         self.measures: Measures | None = None
         self.answers: list[Answered] = []
         self._healthy = healthy

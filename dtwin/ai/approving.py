@@ -28,7 +28,7 @@ def answering_door(healthy: ArmParameters | None) -> Door:
     """
 
     def carry_out(bus: Bus, proposal: Proposal, who: str) -> str:
-        answering = Answering(bus, healthy)
+        answering = Answering(bus, healthy, who)
         names = proposal.request.parameters
         try:
             began = None

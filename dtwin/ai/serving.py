@@ -89,7 +89,7 @@ def served(bus: Bus, place: Place, clocks: Clocks) -> Iterator[Served]:
     station = Station(doors, hub, Trends(bus), clocks, place.who, place.files, place.alarms, pages)
     noting = Noting(audit, station, place.profile, secrets.token_hex(4), place.address, Rate(CALLS, clocks.steady))
     hub.listen()
-    answering = Answering(bus, place.healthy) if place.profile == "act" else None
+    answering = Answering(bus, place.healthy, place.who) if place.profile == "act" else None
     acting = None
     if answering is not None:
         answering.start()

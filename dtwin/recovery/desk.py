@@ -70,6 +70,8 @@ class Desk:
         bus: session at which all the services are.
         over: tells whether the cell has ended; asked all the time.
         progress: told the plant time, s.
+        end: plant time after which nothing is waited for any more, s.
+        who: name in the history of what is uploaded.
 
     Attributes:
         time: plant time of the newest message, s.
@@ -84,8 +86,14 @@ class Desk:
     """
 
     def __init__(
-        self, bus: Bus, over: Callable[[], bool], progress: Callable[[float], None], end: float = math.inf
+        self,
+        bus: Bus,
+        over: Callable[[], bool],
+        progress: Callable[[float], None],
+        end: float = math.inf,
+        who: str = NAME,
     ) -> None:
+        self._who = who
         self.time = 0.0
         self.end = end
         self.findings: dict[str, MonitoredUnit] = {}
@@ -169,7 +177,7 @@ class Desk:
         """
         version = self._settled().version
         request = UploadRequest(
-            NAME,
+            self._who,
             why[:1000],
             version,
             gains,
@@ -211,7 +219,7 @@ class Desk:
             CommunicationError: nobody stops the arm.
         """
         try:
-            stop = self.bus.ask(STOP, StopRequest(NAME, why[:1000], state), StopState).stop
+            stop = self.bus.ask(STOP, StopRequest(self._who, why[:1000], state), StopState).stop
             if stop == "none":
                 raise CommunicationError(f"the blocks do not stop the arm: {why}")
         except CommunicationError:
