@@ -53,7 +53,7 @@ def test_a_profile_has_its_tools_and_no_others(bus: Bus, tmp_path: Path, profile
 
 
 def test_wrong_calls_are_errors_in_words_and_in_the_audit(bus: Bus, tmp_path: Path) -> None:
-    wrong = [
+    wrong: list[tuple[str, dict[str, Any], str]] = [
         ("release", {}, "Unknown tool: release"),
         ("status", {"a": 1}, "argument 'a': expected none"),
         ("trends", {"signal": "angle", "joint": 9}, "argument joint"),
