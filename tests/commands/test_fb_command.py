@@ -19,6 +19,7 @@ from dtwin.iec61499.net.address import Address, parse_address
 from dtwin.parameters import ROOT
 from dtwin.run.cell import Cell
 from dtwin.run.settings import CellSettings
+from tests.support.driven import DEPLOYED
 
 PATIENCE = 20.0
 
@@ -95,7 +96,7 @@ def test_bad_input_is_one_line(
 
 
 def test_a_run_controlled_over_tcp_is_bit_identical(system: Path, tmp_path: Path) -> None:
-    settings = CellSettings(duration=40.0, seed=1)
+    settings = CellSettings(duration=40.0, seed=1, control=DEPLOYED)
     embedded = Cell(settings)
     embedded.run()
     with (

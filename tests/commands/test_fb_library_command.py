@@ -17,6 +17,7 @@ from dtwin.parameters import ROOT
 from dtwin.run.cell import Cell
 from dtwin.run.settings import CellSettings
 from tests.commands.test_fb_command import device
+from tests.support.driven import DEPLOYED
 from tests.support.iec61499.lua_bench import LuaBench
 
 BLOCKS = ROOT / "fb"
@@ -146,7 +147,7 @@ def test_a_boot_file_runs_the_cell(tmp_path: Path) -> None:
     assert main(["fb", "export", str(tmp_path / "boot"), "--system", str(system), "--blocks", blocks]) == 0
     boot = tmp_path / "boot" / "FORTE_PC.fboot"
     assert main(["fb", "check", str(boot)]) == 0
-    settings = CellSettings(duration=5.0, seed=3)
+    settings = CellSettings(duration=5.0, seed=3, control=DEPLOYED)
     with (
         device(boot, "--blocks", blocks) as (_, addresses),
         RemoteController(addresses["CELL.EMULATOR"], EmbeddedController(settings.control)) as controller,

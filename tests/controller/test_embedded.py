@@ -6,10 +6,12 @@ from itertools import product
 
 import pytest
 
+from dtwin.commands.cell.run import Run
 from dtwin.controller.ports import MODEL, TUNING
 from dtwin.controller.settings import LAWS, USUAL_GAINS, Compensation, ControlSettings, usual_gains
 from dtwin.errors import ParameterError
 from dtwin.parameters import ArmParameters, Gains, PayloadModel
+from tests.support.driven import Application
 
 GAINS = Gains((1.0, 2.0, 3.0), (4.0, 5.0, 6.0), (7.0, 8.0, 9.0))
 ARM = ArmParameters.from_vector(tuple(0.1 + k / 100 for k in range(21)))
@@ -73,3 +75,9 @@ def test_gains_belong_to_a_law() -> None:
         Gains()  # type: ignore[call-arg]
     with pytest.raises(ParameterError, match="law: expected computed_torque, row_sum or cascade, got 'none'"):
         usual_gains("none")  # type: ignore[arg-type]
+
+
+def test_the_program_as_it_is_drawn_has_the_settings_of_a_run() -> None:
+    usual = Run().control().inputs()
+    drawn = Application().resource
+    assert {name: drawn.read(name) for name in usual} == usual

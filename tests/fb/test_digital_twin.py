@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dtwin.parameters import ArmParameters, Gains
-from tests.support.driven import Application, Array, step, triple
+from tests.support.driven import THESIS, Application, Array, step, triple
 
 REQUEST = "TWIN.IDENTIFICATION.REQUEST"
 RESPONSE = "TWIN.IDENTIFICATION.BLOCK.DATA"
@@ -61,7 +61,7 @@ def test_request_overrides_the_next_sample_for_the_length_of_the_signal() -> Non
 
 @pytest.mark.parametrize("start", [5, 130, 300, 431])
 def test_the_arm_is_handed_back_without_a_jump(start: int) -> None:
-    application = Application()
+    application = Application(THESIS)
     run = ControlledArm(application)
     run.ticks(start)
     application.send(REQUEST, True)

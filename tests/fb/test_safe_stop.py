@@ -1,6 +1,7 @@
 """The safe stop: SAFE_STOP decides, PATH_PLANNER brakes, DATA_SELECTOR takes the torque off; and all of them in the
 application."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from hypothesis import strategies as st
 
 from dtwin.parameters import PLACES, ArmParameters
 from dtwin.twin.rollout import rollout
-from tests.support.driven import JOINTS, Application, Array, Driven, to, triple
+from tests.support.driven import JOINTS, THESIS, Application, Array, Driven, to, triple
 
 NONE, BRAKING, STANDSTILL, TORQUE_OFF = range(4)
 NOMINAL, DEGRADING, FAILED, UNKNOWN = range(4)
@@ -231,8 +232,8 @@ def weaker(share: float) -> ArmParameters:
 class StoppableArm:
     """The application controls a true arm, whose motors may lose torque."""
 
-    def __init__(self) -> None:
-        self.application = Application()
+    def __init__(self, writes: Mapping[str, Any] | None = None) -> None:
+        self.application = Application(writes)
         self.resource = self.application.resource
         self.state: Array = np.zeros(6)
         self.arm = ArmParameters()
@@ -286,7 +287,7 @@ def test_a_healthy_arm_stops_stands_and_goes_on_to_where_it_was_going(start: int
 
 
 def test_an_arm_without_torque_in_joint_2_gets_no_voltage_and_falls() -> None:
-    run = StoppableArm()
+    run = StoppableArm(THESIS)
     run.ticks(100)
     run.arm = weaker(0.1)
     run.ticks(10)
@@ -390,7 +391,7 @@ def test_a_stop_before_the_first_sample_holds_the_arm_where_it_is() -> None:
 
 
 def test_a_release_starts_with_integrals_of_zero() -> None:
-    run = StoppableArm()
+    run = StoppableArm(THESIS)
     run.ticks(60)
     run.arm = weaker(0.9)
     run.ticks(10)

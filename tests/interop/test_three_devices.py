@@ -28,6 +28,7 @@ from dtwin.iec61499.net.address import LOOPBACK, Address
 from dtwin.run.cell import Cell
 from dtwin.run.settings import CellSettings
 from tests.support.devices import BLOCKS, PATIENCE, PORTS, embedded
+from tests.support.driven import DEPLOYED
 from tests.support.forte import FORTE, NO_FORTE, forte
 from tests.support.ports import free_ports
 from tests.support.waiting import connected
@@ -82,12 +83,12 @@ def cell_on_three(tmp_path: Path, acknowledged: bool) -> Iterator[Address]:
     ids=["datagrams", "acknowledged on FORTE"],
 )
 def test_the_log_is_that_of_one_device(tmp_path: Path, acknowledged: bool) -> None:
-    settings = CellSettings(duration=DURATION, seed=3, noise=0.001)
+    settings = CellSettings(duration=DURATION, seed=3, noise=0.001, control=DEPLOYED)
     alone = Cell(settings)
     alone.run()
     with (
         cell_on_three(tmp_path, acknowledged) as port,
-        connected(lambda: RemoteController(port, EmbeddedController(), timeout=10.0)) as remote,
+        connected(lambda: RemoteController(port, EmbeddedController(settings.control), timeout=10.0)) as remote,
     ):
         split = Cell(settings, remote)
         split.run()

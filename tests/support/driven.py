@@ -8,6 +8,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from dtwin.controller.settings import APPLICATION_LAW, ControlSettings
 from dtwin.iec61499 import model
 from dtwin.iec61499.library import Library
 from dtwin.iec61499.mapping import resource_network
@@ -19,6 +20,10 @@ from dtwin.twin.rollout import rollout
 FOLDER: Final = ROOT / "fb"
 JOINTS: Final = (1, 2, 3)
 Array = npt.NDArray[np.float64]
+DEPLOYED: Final = ControlSettings(law=APPLICATION_LAW)
+"""The settings of the program as it is drawn, and of a run for which nothing else is asked."""
+THESIS: Final = ControlSettings(law="computed_torque").inputs()
+"""Inputs of the application for the thesis's law, gains and paths."""
 
 
 def triple(prefix: str, values: Iterable[float]) -> dict[str, float]:

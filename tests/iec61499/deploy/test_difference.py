@@ -51,7 +51,7 @@ def test_the_smallest_change_is_made_while_the_cell_runs(served: ServedDevice, t
     block = '<FB Name="SEQUENCE" Type="PICK_AND_PLACE"'
     assert text.count(block) >= 1
     more = text.replace(block, '<FB Name="EXTRA" Type="E_CTU"><Parameter Name="PV" Value="7"/></FB>' + block)
-    more = more.replace('Name="KP1" Value="200.0"', 'Name="KP1" Value="201.0"')
+    more = more.replace('Name="KP1" Value="559.0"', 'Name="KP1" Value="560.0"')
     more = more.replace('From="', 'From="', 1)
     first = text.index("<Mapping ")
     mapping = text[first : text.index("/>", first) + 2]
@@ -68,7 +68,7 @@ def test_the_smallest_change_is_made_while_the_cell_runs(served: ServedDevice, t
             for sample in samples(50):
                 peer.exchange(sample)
             found = difference(client, after)
-            assert sorted(found.lines()) == ["+ CELL.EXTRA: E_CTU", "~ CELL.CONTROLLER.KP1 is 200.0, shall be 201.0"]
+            assert sorted(found.lines()) == ["+ CELL.EXTRA: E_CTU", "~ CELL.CONTROLLER.KP1 is 559.0, shall be 560.0"]
             assert change(client, after) == found
             assert not difference(client, after)
             for sample in samples(50):
@@ -77,7 +77,7 @@ def test_the_smallest_change_is_made_while_the_cell_runs(served: ServedDevice, t
         client.connect("CELL", "CELL.SEQUENCE.CNF", "CELL.EXTRA.CU")
         assert change(client, before).lines() == [
             "- CELL.EXTRA: E_CTU",
-            "~ CELL.CONTROLLER.KP1 is 201.0, shall be 200.0",
+            "~ CELL.CONTROLLER.KP1 is 560.0, shall be 559.0",
         ]
         links = client.demand("CELL", "QUERY", ManagedConnection("*", "*")).connections or ()
         assert all("CELL.EXTRA" not in link.destination for link in links)

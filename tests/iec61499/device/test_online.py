@@ -28,6 +28,7 @@ from dtwin.iec61499.net.address import StreamAddress
 from dtwin.run.cell import Cell
 from dtwin.run.settings import CellSettings, sequence_of
 from dtwin.signals import Sensors, Voltages
+from tests.support.driven import DEPLOYED
 from tests.support.iec61499.served_device import DOUBLING, PATIENCE, ServedDevice, build, wait_for
 
 COUNTING = "N E_CTU PV=100\nM E_CTU PV=100\nF E_D_FF\nSTART.COLD -> N.CU\nN.CUO -> M.CU\nN.Q -> F.D"
@@ -193,7 +194,7 @@ class Changed(RemoteController):
 
 
 def test_a_neutral_change_of_the_cell_changes_no_byte_of_its_log(cell: ServedDevice, tmp_path: Path) -> None:
-    settings = CellSettings(duration=8.0, seed=2, noise=0.002)
+    settings = CellSettings(duration=8.0, seed=2, noise=0.002, control=DEPLOYED)
     shadow = EmbeddedController(settings.control, settings.blocks, sequence_of(settings))
     name = cell.library.load_system(BLOCKS / SYSTEM).devices[0].resources[0].name
     address = cell.device.addresses()[on_device(EMULATOR.block)]
