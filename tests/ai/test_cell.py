@@ -23,7 +23,7 @@ from dtwin.bus.twin_messages import Upload, UploadRequest
 from dtwin.errors import CommunicationError
 from dtwin.parameters import ROOT
 from dtwin.services.runfile import join
-from tests.support.ai import place, serving, talk
+from tests.support.ai import in_a_loop, place, serving, talk
 from tests.support.desk import Desk, busy_cell, new_desk
 
 PATIENT = 120.0
@@ -60,7 +60,7 @@ def test_the_sdks_own_client_looks_over_stdio(cell: Desk, tmp_path: Path) -> Non
             answers = [await client.call_tool(name, {}) for name in ("status", "findings", "settings")]
             return tools, answers, (await client.call_tool("stop", {"why": "to try"})).is_error
 
-    tools, answers, refused = anyio.run(converse)
+    tools, answers, refused = in_a_loop(converse)
     assert {"status", "findings", "settings", "what_if", "margins"} <= tools
     assert not [name for name in tools if name.startswith("propose_") or name in ("stop", "change_settings")]
     assert [answer.is_error for answer in answers] == [False, False, False]
@@ -153,7 +153,7 @@ def test_a_script_finds_a_fault_and_proposes_the_cure_which_a_person_approves(
     with serving(bus, place(tmp_path, "propose")) as served:
         made, told = talk(served, find)
     assert told == ["proposes stop for freeze2"]
-    assert bus.ask(STOP, None, StopState).stop == "none"
+    assert bus.ask(LOOK, None, Look).proposals[-1].state == "open"
     said = cell.run("mcp", "approve", str(made[0]["number"]), "--yes", "--who", "carol")
     assert "replace encoder 2" in said
     assert bus.ask(STOP, None, StopState).stop != "none"

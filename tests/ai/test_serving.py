@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-import anyio
 import jsonschema
 import pytest
 from mcp import Client
@@ -19,7 +19,7 @@ from dtwin.ai.server import Bearer
 from dtwin.bus.opening import open_peer
 from dtwin.bus.session import Bus
 from dtwin.console.people.audit import Audit
-from tests.support.ai import place, serving, talk
+from tests.support.ai import in_a_loop, place, serving, talk
 from tests.support.ports import free_port
 
 PROPOSE = {"propose_settings", "propose_answer", "propose_acknowledgement", "propose_stop", "propose_diagnosis"}
@@ -120,7 +120,7 @@ def test_requests_need_the_token(given: bytes | None, passes: bool) -> None:
         sent.append(message)
 
     headers = [] if given is None else [(b"authorization", given)]
-    anyio.run(Bearer(app, "right"), {"type": "http", "path": "/mcp", "headers": headers}, None, send)
+    in_a_loop(partial(Bearer(app, "right"), {"type": "http", "path": "/mcp", "headers": headers}, None, send))
     assert reached == (["/mcp"] if passes else [])
     assert [each["status"] for each in sent if "status" in each] == ([] if passes else [401])
 

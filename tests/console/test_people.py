@@ -23,7 +23,13 @@ from tests.support.console import Served, serve
 from tests.support.secured import certify
 
 PASSWORD = "correct horse battery"
-CONTENT = {"fault": {"fault": "K2*=0.1@0"}, "upload": {"why": "to try", "based_on": 1}}
+_PROPOSAL = {"number": 1, "digest": "0" * 32}
+CONTENT = {
+    "fault": {"fault": "K2*=0.1@0"},
+    "upload": {"why": "to try", "based_on": 1},
+    "approve": _PROPOSAL,
+    "decline": {**_PROPOSAL, "why": "not now"},
+}
 
 
 @pytest.fixture(scope="module")

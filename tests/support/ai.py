@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -130,6 +131,12 @@ def serving(bus: Bus, at: Place, clock: Clock | None = None) -> Iterator[Served]
         yield found
 
 
+def in_a_loop(conversation: Callable[[], Any]) -> Any:
+    """What a coroutine function returns, in a thread of its own: that of the tests may run the loop of a browser."""
+    with ThreadPoolExecutor(1) as pool:
+        return pool.submit(anyio.run, conversation).result()
+
+
 def talk(served: Served, conversation: Callable[[Client], Any]) -> Any:
     """What an asynchronous conversation of the SDK's own client with a server returns."""
 
@@ -137,4 +144,4 @@ def talk(served: Served, conversation: Callable[[Client], Any]) -> Any:
         async with Client(served.server) as client:
             return await conversation(client)
 
-    return anyio.run(run)
+    return in_a_loop(run)
