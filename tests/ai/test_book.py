@@ -5,10 +5,12 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
-from dtwin.bus.proposals.messages import ProposalDecision, ProposalRequest
+from dtwin.bus.codec import SIZE_LIMIT, encode
+from dtwin.bus.proposals.messages import SHOWN, Effect, Look, ProposalDecision, ProposalRequest
 from dtwin.bus.twin_messages import UploadRequest
 from dtwin.errors import ParameterError, RecordingError
-from dtwin.simulation.proposals.book import HOLDS, MOST_OPEN, Book, check_form
+from dtwin.simulation.proposals.book import HOLDS, LONGEST, MOST_OPEN, Book, check_form
+from tests.support.ai import UPLOAD
 
 SLOWER = ProposalRequest("ai", "slower", "settings", UploadRequest("ai", "slower", 3, target_time=3.0))
 STOP = ProposalRequest("ai", "look at it", "stop")
@@ -101,3 +103,24 @@ def test_not_more_wait_than_a_person_can_look_at(book: Book) -> None:
 def test_a_request_proposes_one_thing(request_: ProposalRequest) -> None:
     with pytest.raises(ParameterError, match="expected"):
         check_form(request_)
+
+
+@pytest.mark.parametrize("letter", ["x", "漢", "\U0001f600"])
+def test_what_is_told_of_proposals_is_never_too_long_and_has_all_that_wait(book: Book, letter: str) -> None:
+    longest = ProposalRequest("ai", letter * 500, "diagnosis", text="")
+    longest = replace(longest, text=letter * ((LONGEST - len(encode(longest))) // len(letter.encode())))
+    for number in range(1, 2 * SHOWN):
+        made = book.add(replace(longest, text=longest.text[:1000]), None, 10.0, 3)
+        book.decide(ProposalDecision(number, made.digest, "carol", "decline", letter * 1000), 10.0, 3)
+    effect = Effect((1e-3 / 3,) * 3, 1 / 3, (10 / 3,) * 3, ("K1: 0.333333 becomes 0.666667",) * 50, (1e-3 / 3,) * 3)
+    waiting = [book.add(longest, effect, 10.0, 3) for _ in range(MOST_OPEN)]
+    told = book.newest(10.0, 3)
+    assert set(waiting) <= set(told)
+    assert [each.number for each in told] == sorted(each.number for each in told)
+    assert len(told) > MOST_OPEN or letter != "x"
+    assert len(encode(Look(UPLOAD, told))) <= SIZE_LIMIT
+
+
+def test_a_proposal_of_too_many_bytes_is_refused() -> None:
+    with pytest.raises(ParameterError, match=rf"proposal: expected at most {LONGEST} bytes, got \d+"):
+        check_form(ProposalRequest("ai", "漢" * 1000, "diagnosis", text="漢" * 1000))

@@ -6,6 +6,7 @@ An approval moves nothing. Whoever approves has it carried out with the rights o
 from __future__ import annotations
 
 import hashlib
+import itertools
 from pathlib import Path
 from typing import Final
 
@@ -20,6 +21,10 @@ HOLDS: Final = 600.0
 """Plant time for which a proposal can be approved, s."""
 MOST_OPEN: Final = 8
 """Number of proposals that may wait for a person at a time."""
+LONGEST: Final = 4500
+"""Greatest size of what is proposed, bytes of its message."""
+TOLD: Final = 60_000
+"""Greatest size of the proposals that are told at once, bytes: they go into one message with the settings."""
 
 
 class Book:
@@ -37,14 +42,19 @@ class Book:
         self._kept = {entry.number: entry for entry in self._file.entries()}
 
     def newest(self, time: float, version: int) -> tuple[Proposal, ...]:
-        """The newest proposals, oldest first; those that can be approved no more at a plant time (s) are expired.
+        """All proposals that wait and the newest others that one message has room for, oldest first.
+
+        Those that can be approved no more at a plant time (s) are expired.
 
         Args:
             time: plant time, s.
             version: version of the settings in force.
         """
         self._expire(time, version)
-        return tuple(self._kept[number] for number in sorted(self._kept)[-SHOWN:])
+        order = sorted(self._kept.values(), key=lambda each: (each.state == "open", each.number), reverse=True)
+        sizes = itertools.accumulate(len(encode(each)) for each in order[:SHOWN])
+        told = [each for each, size in zip(order, sizes, strict=False) if size <= TOLD]
+        return tuple(sorted(told, key=lambda each: each.number))
 
     def add(self, request: ProposalRequest, effect: Effect | None, time: float, version: int) -> Proposal:
         """Keeps a proposal that has passed its checks.
@@ -110,12 +120,14 @@ def digest(number: int, time: float, request: ProposalRequest) -> str:
 
 
 def check_form(request: ProposalRequest) -> None:
-    """Checks that a request proposes one thing.
+    """Checks that a request proposes one thing in not too many words.
 
     Raises:
         ParameterError: it does not; the message says what is missing or too much.
     """
-    kind = request.kind
+    kind, size = request.kind, len(encode(request))
+    if size > LONGEST:
+        raise ParameterError(f"proposal: expected at most {LONGEST} bytes, got {size}: use fewer words")
     if (request.change is not None) != (kind == "settings"):
         raise ParameterError(f"change: expected one for settings alone, proposed is {kind}")
     if bool(request.parameters) != (kind in ("answer", "acknowledge")):
