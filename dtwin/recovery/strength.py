@@ -7,16 +7,15 @@ from typing import Final
 
 import numpy as np
 
-from dtwin.controller.motion import NAMES
 from dtwin.parameters import VOLTAGE_LIMIT, ArmParameters, scaled
-from dtwin.simulation.places import angles_of
+from dtwin.task import DEFAULT_TASK, Task
 from dtwin.twin.dynamics import gravity
 
 RESERVE: Final = 0.05
 """share of the voltage limit that a motor at rest has to have left, for noise and for what the model does not know"""
 
 
-def holding(arm: ArmParameters, payload: float) -> dict[str, float]:
+def holding(arm: ArmParameters, payload: float, task: Task = DEFAULT_TASK) -> dict[str, float]:
     """Share of the voltage limit that the motor with the least left needs to hold the arm at each place, by its name.
 
     Coulomb friction, which would help, does not count.
@@ -24,11 +23,12 @@ def holding(arm: ArmParameters, payload: float) -> dict[str, float]:
     Args:
         arm: arm as it is known.
         payload: mass of the held box, kg, 0 for none.
+        task: says where the places are.
     """
     vector, strongest = np.array(scaled(arm, "mu", 0.0).vector()), VOLTAGE_LIMIT * np.array(arm.voltage_constant)
     return {
-        name: float(np.abs(gravity(np.array(angles_of(name)), vector, payload, False) / strongest).max())
-        for name in NAMES
+        name: float(np.abs(gravity(np.array(place.theta), vector, payload, False) / strongest).max())
+        for name, place in task.all_places.items()
     }
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,10 +17,17 @@ from dtwin.ai.marking import KEY
 from dtwin.ai.profiles import PROFILES, Profile
 from dtwin.ai.prompts import RULES, TASKS
 from dtwin.ai.server import Bearer
+from dtwin.ai.tools.ask import POSES
 from dtwin.bus.opening import open_peer
 from dtwin.bus.session import Bus
 from dtwin.console.people.audit import Audit
-from tests.support.ai import in_a_loop, place, serving, talk
+from dtwin.controller.motion import MotionController
+from dtwin.controller.settings import ControlSettings
+from dtwin.parameters import ArmParameters
+from dtwin.run.cell_file import cell_of
+from dtwin.simulation.margins.demands import MARGINS, cases
+from dtwin.simulation.margins.poses import poses
+from tests.support.ai import SayingCell, in_a_loop, place, serving, talk
 from tests.support.ports import free_port
 
 PROPOSE = {"propose_settings", "propose_answer", "propose_acknowledgement", "propose_stop", "propose_diagnosis"}
@@ -129,3 +137,25 @@ def test_an_answer_is_bounded(bus: Bus, tmp_path: Path) -> None:
     with serving(bus, place(tmp_path)) as served:
         answer = talk(served, lambda client: client.call_tool("documentation", {"words": "the arm"}))
     assert len(json.dumps(answer.structured_content)) < 8000
+
+
+def test_the_twin_is_asked_about_the_places_of_the_cell(tmp_path: Path) -> None:
+    task = cell_of("four-colours").task
+    meet = f"tcp/127.0.0.1:{free_port()}"
+
+    async def ask(client: Client) -> Any:
+        held = await client.call_tool("can_hold", {"box": 0.2})
+        return held.structured_content, (await client.call_tool("margins", {})).structured_content
+
+    with Bus(open_peer(meet)) as services, Bus(open_peer(meet)) as bus:
+        SayingCell(services)
+        with serving(bus, replace(place(tmp_path), task=task)) as served:
+            held, margins = talk(served, ask)
+    names = {
+        each["name"][KEY] if isinstance(each["name"], dict) else each["name"] for each in held["share_of_voltage"]
+    }
+    assert names == set(task.all_places)
+    arm, settings = ArmParameters(), ControlSettings(law="cascade")
+    found = cases(MotionController(), settings, arm, poses(POSES, task), 0.0)
+    assert margins["disk"] == pytest.approx(min(case.margins.disk for case in found), rel=1e-5)
+    assert bool(margins["short"]) == any(MARGINS.shortfall(case.margins) for case in found)

@@ -75,28 +75,28 @@ class Asking:
 
         `short` says what falls below what is demanded of settings before an upload, "" if nothing does.
         """
-        now = self._now()
+        now, task = self._now(), self._station.hub.task
         with self._one():
             settings = self._settings(now, gains_of(now, kp, ki, kd), assumed_box)
-            found = cases(MotionController(), settings, settings.model, poses(POSES), 0.0)
+            found = cases(MotionController(), settings, settings.model, poses(POSES, task), 0.0)
             worst = min(found, key=lambda case: case.margins.disk)
-            short = MARGINS.shortfall(worst.margins)
+            short = [lack.text for case in found if (lack := MARGINS.shortfall(case.margins)) is not None]
         return {
-            "pose": worst.pose.name,
+            "pose": marked(pose) if (pose := worst.pose.name) in task.all_places else pose,
             "disk": marked(worst.margins.disk),
             "gain_db": marked(worst.margins.gain),
             "phase_degrees": marked(min(worst.margins.phase)),
             "delay_ticks": marked(worst.margins.delay),
-            "short": short.text if short is not None else "",
+            "short": short[0] if short else "",
         }
 
     def can_hold(self, box: Box) -> dict[str, Any]:
         """Where the arm, as the controller's model knows it, can hold a box at rest, and with how much voltage."""
         arm = self._now().model
-        shares = holding(arm, box)
+        shares = holding(arm, box, self._station.hub.task)
         return {
-            "share_of_voltage": {place: marked(share) for place, share in shares.items()},
-            "cannot_hold_at": [place for place, share in shares.items() if share > 1.0 - RESERVE],
+            "share_of_voltage": marked(shares),
+            "cannot_hold_at": [marked(place) for place, share in shares.items() if share > 1.0 - RESERVE],
         }
 
     def recovery_answer(self, parameter: FaultName) -> dict[str, Any]:
