@@ -6,15 +6,13 @@ import getpass
 import sys
 import threading
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
 from pathlib import Path
 
 import tyro
 
-from dtwin.errors import RecordingError
+from dtwin.commands.live.audits import AuditOptions, outcome
 from dtwin.services.console import NAME, ConsoleOptions
 from dtwin.services.runfile import find, join
-from dtwin.terminal import printable
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,7 +68,7 @@ class ConsoleUser:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ConsoleAudit:
+class ConsoleAudit(AuditOptions):
     """Show what was commanded from consoles, and check that nothing of it was changed or taken out.
 
     Every line carries a hash of itself and of the line before. The exit status is 1 when one does not fit.
@@ -78,30 +76,10 @@ class ConsoleAudit:
 
     file: tyro.conf.Positional[Path] = Path("console-audit.jsonl")
     """The audit file."""
-    last: int = 20
-    """Number of the last entries that are shown; 0 shows none."""
-    hash: str = ""
-    """Hash of a line that was noted elsewhere and must be there: who may write the file could make all of it anew."""
 
     def execute(self) -> int:
-        from dtwin.console.people.audit import Audit
-
-        audit = Audit(self.file)
-        if not audit.exists:
-            raise RecordingError(f"{self.file}: there is no audit yet; a console writes it")
-        chain = audit.verify()
-        faults = list(chain.faults)
-        if self.hash and self.hash not in chain.hashes:
-            faults.append(f"{self.file}: no line has the hash {self.hash}")
-        for fault in faults:
-            print(printable(fault))
-        if faults:
-            return 1
-        for entry in audit.entries()[-self.last :] if self.last > 0 else []:
-            at = datetime.fromtimestamp(entry.at, UTC).isoformat(" ", "seconds")
-            outcome = f": {'done' if entry.done else 'refused'}, {entry.answer}" if entry.answer else ""
-            who = f"{entry.user}, {entry.role}, from {entry.address}"
-            print(printable(f"{at}  {entry.command} by {who}{outcome}"))
-        earlier = f", {chain.unsealed} of an earlier version without hashes" if chain.unsealed else ""
-        print(f"{chain.lines} lines, whole{earlier}; the last has the hash {chain.seal.hash}")
-        return 0
+        return self.show(
+            self.file,
+            "a console",
+            lambda entry: f"{entry.command} by {entry.user}, {entry.role}, from {entry.address}{outcome(entry)}",
+        )

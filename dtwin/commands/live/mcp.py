@@ -6,9 +6,9 @@ import getpass
 import os
 import secrets
 import socket
+import sys
 import time
-from dataclasses import dataclass
-from datetime import UTC, datetime
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -18,8 +18,8 @@ from dtwin.ai.profiles import Limits, Profile, role_of
 from dtwin.bus.messages import LOOK
 from dtwin.bus.proposals.deciding import DOORS, decide, find
 from dtwin.bus.proposals.messages import Look, Proposal, ProposalDecision
-from dtwin.console.people.audit import Audit
-from dtwin.errors import ParameterError, RecordingError
+from dtwin.commands.live.audits import AuditOptions, outcome
+from dtwin.errors import ParameterError
 from dtwin.files import replacing
 from dtwin.identification.store import STORE, ModelStore, open_model
 from dtwin.names import check_name
@@ -83,6 +83,7 @@ class McpCommand(CellFileOption):
         check_name(self.who, "who")
         limits = Limits(self.hourly, self.pause, self.factor)
         up = runfile.find(self.cell) if self.zenoh is None else None
+        cell = self if up is None or self.cell_file else replace(self, cell_file=up.cell_file or None)
         store = self.store or kept(self.cell, "store", STORE)
         healthy = None if self.model is None else open_model(self.model, ModelStore(store)).arm
         clocks = Clocks(time.monotonic, time.time)
@@ -100,7 +101,7 @@ class McpCommand(CellFileOption):
                 self.audit,
                 limits,
                 healthy,
-                self.task(),
+                cell.task(),
                 address,
             )
             with served(bus, place, clocks) as found:
@@ -114,7 +115,7 @@ class McpCommand(CellFileOption):
 
 
 @dataclass(frozen=True, kw_only=True)
-class McpAudit:
+class McpAudit(AuditOptions):
     """Show what an AI has called and what it was answered, and check that nothing of it was changed or taken out.
 
     Every line carries a hash of itself and of the line before. The exit status is 1 when one does not fit.
@@ -122,29 +123,13 @@ class McpAudit:
 
     file: tyro.conf.Positional[Path] = AUDIT
     """The audit file."""
-    last: int = 20
-    """Number of the last entries that are shown; 0 shows none."""
-    hash: str = ""
-    """Hash of a line that was noted elsewhere and must be there: who may write the file could make all of it anew."""
 
     def execute(self) -> int:
-        audit = Audit(self.file)
-        if not audit.exists:
-            raise RecordingError(f"{self.file}: there is no audit yet; `dtwin mcp` writes it")
-        chain = audit.verify()
-        faults = list(chain.faults)
-        if self.hash and self.hash not in chain.hashes:
-            faults.append(f"{self.file}: no line has the hash {self.hash}")
-        for fault in faults:
-            print(printable(fault))
-        if faults:
-            return 1
-        for entry in audit.entries()[-self.last :] if self.last > 0 else []:
-            at = datetime.fromtimestamp(entry.at, UTC).isoformat(" ", "seconds")
-            outcome = f": {'done' if entry.done else 'refused'}, {entry.answer[:200]}" if entry.answer else ""
-            print(printable(f"{at}  {entry.command} {entry.content} by {entry.user}, {entry.role}{outcome}"))
-        print(f"{chain.lines} lines, whole; the last has the hash {chain.seal.hash}")
-        return 0
+        return self.show(
+            self.file,
+            "`dtwin mcp`",
+            lambda entry: f"{entry.command} {entry.content} by {entry.user}, {entry.role}{outcome(entry, 200)}",
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -207,7 +192,7 @@ class McpApprove(_Decision):
         with join(self.cell, self.zenoh) as bus:
             seen = find(bus, self.number)
             _show(seen)
-            if not self.yes and input("approve this? yes or no: ").strip() != "yes":
+            if not (self.yes or _agreed()):
                 print("not approved; it stays open")
                 return 1
             decision = ProposalDecision(
@@ -232,6 +217,20 @@ class McpDecline(_Decision):
                 decide(bus, ProposalDecision(seen.number, self.digest or seen.digest, who, "decline", self.why), {})
             )
         return 0
+
+
+def _agreed() -> bool:
+    """Whether a person at the terminal says yes.
+
+    Raises:
+        ParameterError: there is nobody to ask.
+    """
+    if not sys.stdin.isatty():
+        raise ParameterError("nobody can be asked, since standard input is no terminal: expected --yes")
+    try:
+        return input("approve this? yes or no: ").strip() == "yes"
+    except EOFError:
+        return False
 
 
 def _show(proposal: Proposal) -> None:
