@@ -11,16 +11,13 @@ from typing import Any, Final
 
 from mcp import Client
 
+from dtwin.ai.answering import PASSES, STANDING, STOP
 from dtwin.recovery.answers import MEASURES
 
 SETTLING: Final = 1.0
 """Plant time in which a second finding may follow the first, s."""
 LOST: Final = 0.1
 """Weight of a box that a slip has to have taken at least, kg, five standard deviations allowed."""
-STOP: Final = "stop"
-PASSES: Final = "go on"
-STANDING: Final = ("too weak", "too doubtful", "interrupted")
-"""Outcomes of an answer after which the arm has to be stopped."""
 Call = Callable[..., Awaitable[dict[str, Any]]]
 
 

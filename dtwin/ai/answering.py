@@ -18,8 +18,10 @@ from dtwin.recovery.measures import Measures, Taken, TooWeak
 
 Outcome = Literal["done", "nothing to do", "taken back", "too weak", "too doubtful", "interrupted", "failed"]
 IDLE: Final = "no answer is under way"
-STOPS: Final = "stop"
+STOP: Final = "stop"
 PASSES: Final = "go on"
+STANDING: Final[tuple[Outcome, ...]] = ("too weak", "too doubtful", "interrupted")
+"""Outcomes after which the arm has to be stopped, as recovery does."""
 
 
 @dataclass(frozen=True)
@@ -145,7 +147,7 @@ class Answering:
         try:
             if answer.measure == PASSES:
                 return ended("nothing to do", answer.why)
-            if answer.measure == STOPS:
+            if answer.measure == STOP:
                 return ended("interrupted", f"stop the arm: {order(parse_fault_id(names[0]))}")
             return ended("done", "uploaded, and its trial passed", self._measures().take(answer.measure, found))
         except Over as over:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from dtwin.ai.answering import Answering
+from dtwin.ai.answering import STANDING, Answering
 from dtwin.bus.messages import StopRequest
 from dtwin.bus.proposals.deciding import Door
 from dtwin.bus.proposals.messages import Proposal
@@ -16,8 +16,6 @@ from dtwin.recovery.desk import Grave, Late, Tripped
 
 HEARD: Final = 5.0
 """Plant time in which the monitor has to tell of the findings again, s."""
-STANDING: Final = ("too weak", "too doubtful", "interrupted")
-"""Outcomes after which the arm is stopped, as recovery does."""
 
 
 def answering_door(healthy: ArmParameters | None) -> Door:

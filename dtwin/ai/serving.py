@@ -108,5 +108,5 @@ def serve_http(server: NotedServer, sock: socket.socket, token: str) -> None:
 
     port = sock.getsockname()[1]
     app = Bearer(server.streamable_http_app(host="127.0.0.1"), token)
-    config = uvicorn.Config(app, host="127.0.0.1", port=port, log_level=logging.ERROR, access_log=False)
+    config = uvicorn.Config(app, host="127.0.0.1", port=port, log_level=logging.ERROR, access_log=False, ws="none")
     uvicorn.Server(config).run(sockets=[sock])

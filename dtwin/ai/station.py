@@ -9,7 +9,6 @@ from dtwin.ai.profiles import Doors
 from dtwin.ai.trends import Trends
 from dtwin.console.commands import Files
 from dtwin.console.hub import Clocks, Hub
-from dtwin.parameters import ArmParameters
 
 
 @dataclass(frozen=True)
@@ -25,7 +24,6 @@ class Station:
         files: folders and files that may be read.
         alarms: journal of the alarms, which a console keeps.
         pages: folder of the documentation.
-        healthy: the healthy arm as it is known, None for the controller's model.
     """
 
     doors: Doors
@@ -36,4 +34,3 @@ class Station:
     files: Files
     alarms: Path
     pages: Path
-    healthy: ArmParameters | None = None

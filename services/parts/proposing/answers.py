@@ -55,7 +55,7 @@ class Proposing:
 
     def answer(self, bus: Bus) -> None:
         """Begins to answer."""
-        bus.answer(LOOK, LookRequest, lambda asked: self._look(), self._look)
+        bus.answer(LOOK, LookRequest, None, self._look)
         bus.answer(PROPOSE, ProposalRequest, self._propose)
         bus.answer(DECIDE_PROPOSAL, ProposalDecision, self._decide)
 
