@@ -6,6 +6,7 @@ import json
 import os
 import re
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -20,12 +21,16 @@ from dtwin.bus.messages import DECIDE_PROPOSAL, LOOK, SETTINGS, STOP, UPLOAD, Se
 from dtwin.bus.proposals.messages import Look, Proposal, ProposalDecision
 from dtwin.bus.session import Bus
 from dtwin.bus.twin_messages import Upload, UploadRequest
+from dtwin.console.hub import Clocks
 from dtwin.errors import CommunicationError
 from dtwin.parameters import ROOT
 from dtwin.services.runfile import join
 from tests.support.ai import in_a_loop, place, serving, talk
 from tests.support.desk import Desk, busy_cell, new_desk
+from tests.support.waiting import until
 
+KNOWN = 3000
+"""Number of ticks after which the monitor knows the healthy arm."""
 PATIENT = 120.0
 """Plant time in which a fault is found, s."""
 
@@ -35,7 +40,7 @@ def cell() -> Iterator[Desk]:
     with new_desk() as desk:
         history = str(desk.folder / "history.jsonl")
         options = ("--simulation", "--monitoring", "--noise", "0.002", "--history", history)
-        desk.detach("--pace", "realtime", "--seed", "2", *busy_cell(desk.folder), *options)
+        desk.detach("--pace", "lockstep", "--seed", "2", *busy_cell(desk.folder), *options)
         yield desk
         desk.run("down")
 
@@ -143,23 +148,26 @@ def test_one_that_acts_keeps_to_its_limits(bus: Bus, tmp_path: Path) -> None:
 def test_a_script_finds_a_fault_and_proposes_the_cure_which_a_person_approves(
     cell: Desk, bus: Bus, tmp_path: Path
 ) -> None:
-    cell.run("fault", "inject", "freeze2")
+    until(lambda: cell.tick() > KNOWN, "the monitor knows the arm", 60.0)
+    before = bus.ask(SETTINGS, None, SettingsInForce)
+    cell.run("fault", "inject", "bias2+=0.05")
 
     async def find(client: Client) -> Any:
-        script = Script(caller(client), lambda: anyio.sleep(0.02))
+        script = Script(caller(client), lambda: anyio.sleep(0.1))
         made = await script.propose(await script.time() + PATIENT)
         return made, script.told
 
-    with serving(bus, place(tmp_path, "propose")) as served:
+    with serving(bus, place(tmp_path, "propose"), Clocks(time.monotonic, time.time)) as served:
         made, told = talk(served, find)
-    assert told == ["proposes stop for freeze2"]
-    assert bus.ask(LOOK, None, Look).proposals[-1].state == "open"
-    said = cell.run("mcp", "approve", str(made[0]["number"]), "--yes", "--who", "carol")
-    assert "replace encoder 2" in said
-    assert bus.ask(STOP, None, StopState).stop != "none"
+    assert told == ["proposes offset for bias2"]
+    assert bus.ask(SETTINGS, None, SettingsInForce) == before
+    assert bus.ask(STOP, None, StopState).stop == "none"
+    cell.run("mcp", "approve", str(made[0]["number"]), "--yes", "--who", "carol")
     proposal = bus.ask(LOOK, None, Look).proposals[-1]
     assert (proposal.by, proposal.state) == ("carol", "approved")
-    assert "stop" in proposal.outcome
+    assert proposal.outcome == "done: uploaded, and its trial passed"
+    assert bus.ask(SETTINGS, None, SettingsInForce).encoder_offset[1] == pytest.approx(0.05, abs=2e-3)
+    assert bus.ask(STOP, None, StopState).stop == "none"
     audit = [json.loads(line) for line in (tmp_path / "audit.jsonl").read_text().splitlines()]
     assert [each["command"] for each in audit][-2:] == ["propose_answer, given", "propose_answer"]
     assert audit[-1]["role"] == "ai-propose"

@@ -125,9 +125,9 @@ def to_acted(voltages: Voltages) -> Any:
 
 
 @contextmanager
-def serving(bus: Bus, at: Place, clock: Clock | None = None) -> Iterator[Served]:
-    """A server in this process."""
-    with served(bus, at, (clock or Clock()).clocks()) as found:
+def serving(bus: Bus, at: Place, clocks: Clocks | None = None) -> Iterator[Served]:
+    """A server in this process, with clocks that a test sets, or those given: a real cell needs real ones."""
+    with served(bus, at, clocks or Clock().clocks()) as found:
         yield found
 
 
