@@ -29,7 +29,7 @@ from tests.support.ai import in_a_loop, place, serving, talk
 from tests.support.desk import Desk, busy_cell, new_desk
 from tests.support.waiting import until
 
-KNOWN = 3000
+KNOWN = 2000
 """Number of ticks after which the monitor knows the healthy arm."""
 PATIENT = 120.0
 """Plant time in which a fault is found, s."""
@@ -40,7 +40,7 @@ def cell() -> Iterator[Desk]:
     with new_desk() as desk:
         history = str(desk.folder / "history.jsonl")
         options = ("--simulation", "--monitoring", "--noise", "0.002", "--history", history)
-        desk.detach("--pace", "lockstep", "--seed", "2", *busy_cell(desk.folder), *options)
+        desk.detach("--pace", "realtime", "--seed", "2", *busy_cell(desk.folder), *options)
         yield desk
         desk.run("down")
 

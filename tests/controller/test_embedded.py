@@ -11,6 +11,7 @@ from dtwin.controller.ports import MODEL, TUNING
 from dtwin.controller.settings import LAWS, USUAL_GAINS, Compensation, ControlSettings, usual_gains
 from dtwin.errors import ParameterError
 from dtwin.parameters import ArmParameters, Gains, PayloadModel
+from dtwin.run.settings import sequence_of
 from tests.support.driven import Application
 
 GAINS = Gains((1.0, 2.0, 3.0), (4.0, 5.0, 6.0), (7.0, 8.0, 9.0))
@@ -78,6 +79,7 @@ def test_gains_belong_to_a_law() -> None:
 
 
 def test_the_program_as_it_is_drawn_has_the_settings_of_a_run() -> None:
-    usual = Run().control().inputs()
+    options = Run()
+    usual = options.control().inputs() | sequence_of(options.settings()).inputs()
     drawn = Application().resource
     assert {name: drawn.read(name) for name in usual} == usual

@@ -32,8 +32,8 @@ def find(bus: Bus, number: int) -> Proposal:
     for each in told:
         if each.number == number:
             return each
-    known = choices(str(each.number) for each in told) if told else "none has been made"
-    raise ParameterError(f"proposal {number}: expected {known}")
+    known = f"expected {choices(str(each.number) for each in told)}" if told else "nothing has been proposed yet"
+    raise ParameterError(f"proposal {number}: {known}")
 
 
 def decide(bus: Bus, decision: ProposalDecision, doors: Mapping[Kind, Door]) -> Proposal:
