@@ -171,3 +171,8 @@ def test_a_script_finds_a_fault_and_proposes_the_cure_which_a_person_approves(
     audit = [json.loads(line) for line in (tmp_path / "audit.jsonl").read_text().splitlines()]
     assert [each["command"] for each in audit][-2:] == ["propose_answer, given", "propose_answer"]
     assert audit[-1]["role"] == "ai-propose"
+    with serving(bus, place(tmp_path / "act", "act")) as served:
+        asked = {"why": "the offset is taken off", "parameter": "bias2"}
+        taken = talk(served, lambda client: client.call_tool("acknowledge", asked))
+    assert not taken.is_error, taken.content
+    assert set(taken.structured_content["units"].values()) == {"nominal"}

@@ -375,7 +375,35 @@ def test_a_secured_cell_uploads_identifies_and_monitors(
             assert said["phase"] == "accepted"
             assert bus.ask(UPLOAD, None, Upload).model != ArmParameters()
             until(lambda: verdicts, "the monitor is heard")
+            an_ai_proposes_with_a_certificate_of_its_own(secured, desk, tmp_path)
         assert "is down" in desk.run("down")
     finally:
         for pid in desk.processes():
             os.kill(pid, signal.SIGKILL)
+
+
+def an_ai_proposes_with_a_certificate_of_its_own(secured: Path, desk: Desk, folder: Path) -> None:
+    """It has the cell's key, and the right to propose and no other; an operator carries out what was approved."""
+
+    async def propose(client: Any) -> tuple[Any, Any]:
+        version = (await client.call_tool("settings", {})).structured_content["in_force"]["version"]
+        slower = {"why": "slower is safer", "based_on": version, "target_time": 2.5}
+        return await client.call_tool("status", {}), await client.call_tool("propose_settings", slower)
+
+    mcp = pytest.importorskip("tests.support.ai", reason="needs the extra mcp: pip install 'dtwin[mcp]'")
+    with join("cell", secured, "ai-observe") as looking:
+        with mcp.serving(looking, mcp.place(folder / "look", "propose")) as served:
+            status, refused = mcp.talk(served, propose)
+        assert not status.is_error
+        assert refused.is_error
+    with join("cell", secured, "ai-propose") as proposing:
+        with mcp.serving(proposing, mcp.place(folder / "propose", "propose")) as served:
+            status, made = mcp.talk(served, propose)
+        assert not made.is_error, made.content
+        with pytest.raises(CommunicationError, match="may this session ask"):
+            proposing.ask(UPLOAD, UploadRequest("ai", "itself", 1, target_time=9.0), Upload, 0.5)
+    number = str(made.structured_content["number"])
+    zenoh_file = str(secured / "operator.json5")
+    assert "approved, carol, version" in desk.run(
+        "mcp", "approve", number, "--yes", "--who", "carol", "--zenoh", zenoh_file
+    )

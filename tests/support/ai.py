@@ -51,7 +51,8 @@ MOTION = PredictedMotion("pickup", "red", True, (0.001,) * 3, (0.002,) * 3, (5.0
 
 
 def place(folder: Path, profile: Profile = "observe", limits: Limits | None = None, **files: Path) -> Place:
-    """A place whose files lie in a folder."""
+    """A place whose files lie in a folder, which is made."""
+    folder.mkdir(exist_ok=True)
     kept = Files(files.get("store", folder / "store"), folder / "history.jsonl", files.get("recordings"))
     made = Place("cell", "arm", profile, "tester", kept, folder / "alarms.jsonl", folder / "audit.jsonl")
     return made if limits is None else replace(made, limits=limits)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import itertools
+from collections import deque
 from pathlib import Path
 from typing import Final
 
@@ -21,6 +22,10 @@ HOLDS: Final = 600.0
 """Plant time for which a proposal can be approved, s."""
 MOST_OPEN: Final = 8
 """Number of proposals that may wait for a person at a time."""
+MOST_CHECKED: Final = 12
+"""Number of proposals that are checked within CHECKED_IN, also when they are refused then: each takes the twin."""
+CHECKED_IN: Final = 30.0
+"""Plant time, s."""
 LONGEST: Final = 4500
 """Greatest size of what is proposed, bytes of its message."""
 TOLD: Final = 60_000
@@ -40,6 +45,7 @@ class Book:
     def __init__(self, path: Path) -> None:
         self._file = LineFile(path, Proposal, "a proposal", marked=True)
         self._kept = {entry.number: entry for entry in self._file.entries()}
+        self._checked: deque[float] = deque(maxlen=MOST_CHECKED)
 
     def newest(self, time: float, version: int) -> tuple[Proposal, ...]:
         """All proposals that wait and the newest others that one message has room for, oldest first.
@@ -56,18 +62,31 @@ class Book:
         told = [each for each, size in zip(order, sizes, strict=False) if size <= TOLD]
         return tuple(sorted(told, key=lambda each: each.number))
 
-    def add(self, request: ProposalRequest, effect: Effect | None, time: float, version: int) -> Proposal:
-        """Keeps a proposal that has passed its checks.
+    def make_room(self, time: float, version: int) -> None:
+        """Counts a proposal that is going to be checked at a plant time (s), so that nobody keeps the twin busy.
 
         Raises:
-            ParameterError: too many wait already.
-            RecordingError: it cannot be written down; then it is none.
+            ParameterError: too many wait already, or were checked just now.
         """
         self._expire(time, version)
         if sum(each.state == "open" for each in self._kept.values()) >= MOST_OPEN:
             raise ParameterError(
                 f"{MOST_OPEN} proposals wait for a person already: expected none more until one does"
             )
+        recent = [each for each in self._checked if time - CHECKED_IN < each <= time]
+        if len(recent) == MOST_CHECKED:
+            raise ParameterError(
+                f"proposals: expected at most {MOST_CHECKED} within {CHECKED_IN:g} s, those that were refused among"
+                f" them; wait until {recent[0] + CHECKED_IN:.1f} s"
+            )
+        self._checked.append(time)
+
+    def add(self, request: ProposalRequest, effect: Effect | None, time: float) -> Proposal:
+        """Keeps a proposal that has passed its checks, for which `make_room` found room.
+
+        Raises:
+            RecordingError: it cannot be written down; then it is none.
+        """
         number = max(self._kept, default=0) + 1
         return self._keep(Proposal(number, digest(number, time, request), time, request, effect=effect))
 

@@ -68,8 +68,9 @@ class Proposing:
         check_form(asked)
         with self._lock:
             uploader = self._there()
+            self._book.make_room(self._time(), uploader.version)
             effect = None if asked.change is None else self._effect(uploader, asked.change)
-            made = self._book.add(asked, effect, self._time(), uploader.version)
+            made = self._book.add(asked, effect, self._time())
         self._tell(made)
         return made
 
