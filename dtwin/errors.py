@@ -4,9 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from iec61499.errors import CommunicationError as CommunicationError
+from iec61499.errors import FunctionBlockError as FunctionBlockError
+from iec61499.errors import NativeError as NativeError
+from iec61499.errors import ToolError
+from iec61499.errors import choices as choices
 
-class DtwinError(Exception):
-    """Base of all errors raised on purpose; the command line prints it as one line and exits with 2."""
+DtwinError = ToolError
+"""Base of all errors raised on purpose, those of the function blocks too; the command line prints it as one line and
+exits with 2."""
 
 
 class ParameterError(DtwinError, ValueError):
@@ -38,28 +44,6 @@ class FaultError(ParameterError):
     """A fault description cannot be read."""
 
 
-class FunctionBlockError(DtwinError):
-    """A function-block file, type, connection or algorithm is wrong; carries its position.
-
-    Attributes:
-        file: path or name of the source, "" when there is none.
-        line: 1-based, 0 when unknown.
-        column: 1-based, 0 when unknown.
-    """
-
-    def __init__(self, message: str, file: str = "", line: int = 0, column: int = 0) -> None:
-        position = ":".join(str(part) for part in (file, line, column) if part)
-        super().__init__(f"{position}: {message}" if position else message)
-        self.message = message
-        self.file = file
-        self.line = line
-        self.column = column
-
-
-class NativeError(DtwinError):
-    """Machine code cannot be made or used here."""
-
-
 class RecordingError(DtwinError):
     """A log or recording cannot be read or written."""
 
@@ -72,15 +56,5 @@ class TaskError(DtwinError):
     """A task of a campaign failed."""
 
 
-class CommunicationError(DtwinError):
-    """A peer is unreachable, late, or speaks another protocol."""
-
-
 class UnansweredError(CommunicationError):
     """Nobody answers a query: the service that should is not there, or may not be asked."""
-
-
-def choices(names: Iterable[str]) -> str:
-    """`a, b or c`: the end of a message that lists what would have been valid."""
-    items = list(names)
-    return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} or {items[-1]}"

@@ -71,7 +71,8 @@ def install(target: str, lock: int) -> int:
     pip holds the lock as well: one that outlives this process, which was killed, ends before another one begins.
     """
     command = [str(VENV / "bin" / "python"), "-m", "pip", "install", "--disable-pip-version-check"]
-    command += ["--progress-bar", "off", "--constraint", str(ROOT / "constraints.txt"), "--editable", target]
+    command += ["--progress-bar", "off", "--constraint", str(ROOT / "constraints.txt")]
+    command += ["--editable", str(ROOT / "iec61499"), "--editable", target]
     lines: list[str] = []
     packages = 0
     output = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}

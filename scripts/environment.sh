@@ -3,7 +3,7 @@ root=$(cd "$(dirname "$0")/.." && pwd)
 python="$root/.venv/bin/python"
 
 prepare() { # $1: an extra of pyproject.toml, or empty
-    stamp="$root $(cat "$root/pyproject.toml" "$root/constraints.txt" | cksum)"
+    stamp="$root $(cat "$root/pyproject.toml" "$root/iec61499/pyproject.toml" "$root/constraints.txt" | cksum)"
     if [ "$(cat "$root/.venv/stamp-${1:-run}" 2>/dev/null)" != "$stamp" ] || ! [ -x "$python" ]; then
         if ! command -v python3 >/dev/null; then
             echo "dtwin: python3 is not there: it needs python 3.11 or newer, with venv and pip" >&2

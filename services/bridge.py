@@ -46,7 +46,6 @@ from dtwin.controller.ports import MODEL, OFFSETS, PAYLOAD, TUNING
 from dtwin.controller.sequence import CALLS, SEQUENCES, SequenceName, SequenceSettings
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import CommunicationError, DtwinError, RecordingError
-from dtwin.iec61499.net.address import StreamAddress, parse_stream_address
 from dtwin.parameters import PERIOD
 from dtwin.run.options import CellFileOption
 from dtwin.services.parts.gate import STALE
@@ -58,6 +57,7 @@ from dtwin.services.parts.strides import strides
 from dtwin.services.service import Link, Service, main
 from dtwin.services.stops import Stops
 from dtwin.signals import Event, EventKind, Sensors, Voltages
+from iec61499.net.address import StreamAddress, parse_stream_address
 
 log = logging.getLogger(__name__)
 

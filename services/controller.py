@@ -11,17 +11,17 @@ from typing import Final
 
 from dtwin.controller.ports import BLOCKS, SYSTEM
 from dtwin.controller.settings import ControlSettings
-from dtwin.iec61499.deploy.build import deploy, suited
-from dtwin.iec61499.deploy.plan import plan_deployment
-from dtwin.iec61499.device.embedded import EmbeddedDevice
-from dtwin.iec61499.library import Library
-from dtwin.iec61499.management.client import ManagementClient
-from dtwin.iec61499.management.server import ManagementServer
-from dtwin.iec61499.mapping import configured, device_network
-from dtwin.iec61499.net.address import Address, parse_listening_address
-from dtwin.iec61499.net.reactor import Reactor
 from dtwin.run.options import ControlOptions
 from dtwin.services.service import REPORT_PERIOD, Link, Service, main
+from iec61499.deploy.build import deploy, suited
+from iec61499.deploy.plan import plan_deployment
+from iec61499.device.embedded import EmbeddedDevice
+from iec61499.library import Library
+from iec61499.management.client import ManagementClient
+from iec61499.management.server import ManagementServer
+from iec61499.mapping import configured, device_network
+from iec61499.net.address import Address, parse_listening_address
+from iec61499.net.reactor import Reactor
 
 log = logging.getLogger(__name__)
 

@@ -28,7 +28,6 @@ from dtwin.emulation.generators import check_seed
 from dtwin.errors import ParameterError
 from dtwin.files import LOG, RECORDING, ensure_writable
 from dtwin.identification.store import STORE, ModelStore, model_path
-from dtwin.iec61499.net.address import LocalAddress, parse_address
 from dtwin.names import check_name
 from dtwin.options import arguments
 from dtwin.parameters import SOURCE
@@ -47,6 +46,7 @@ from dtwin.services.service import current_processor, free_port, held_port
 from dtwin.services.supervisor import Program, Supervisor
 from dtwin.simulation.history import HISTORY
 from dtwin.view.viewer import LOOPBACK, Detail, Ports, Viewer, free_ports
+from iec61499.net.address import LocalAddress, parse_address
 
 AUDIT: Final = Path("console-audit.jsonl")
 """Default file of the commands that are given at the console, in the working directory."""

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from dtwin.iec61499.library import Library
-from dtwin.iec61499.runtime.resource import Resource
 from dtwin.parameters import ROOT
+from iec61499.library import Library
+from iec61499.runtime.resource import Resource
 from tests.support.iec61499.networks import network
 
 PAGE = (ROOT / "docs" / "architecture.md").read_text()

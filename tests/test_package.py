@@ -16,6 +16,7 @@ from dtwin.parameters import ROOT
 
 LINKS = ("services", "data/fb", "data/models", "data/config", "data/machines", "data/cells")
 """what of dtwin/ lies elsewhere in a checkout"""
+IGNORED = shutil.ignore_patterns("__pycache__", "*.egg-info", "build")
 
 
 @pytest.fixture(scope="module")
@@ -23,11 +24,23 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A wheel of a copy of the checkout, built from its source distribution."""
     folder = tmp_path_factory.mktemp("wheel")
     copy = folder / "checkout"
-    ignored = shutil.ignore_patterns("__pycache__")
     for name in ("dtwin", "services", "fb", "models", "config", "machines", "cells"):
-        shutil.copytree(ROOT / name, copy / name, symlinks=True, ignore=ignored)
+        shutil.copytree(ROOT / name, copy / name, symlinks=True, ignore=IGNORED)
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, copy / name)
+    return built_wheel(copy, folder)
+
+
+@pytest.fixture(scope="module")
+def blocks_wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A wheel of the function blocks alone, built from its source distribution."""
+    folder = tmp_path_factory.mktemp("blocks")
+    shutil.copytree(ROOT / "iec61499", folder / "checkout", ignore=IGNORED)
+    return built_wheel(folder / "checkout", folder)
+
+
+def built_wheel(checkout: Path, folder: Path) -> Path:
+    """A wheel in the folder, built from the source distribution of a checkout."""
     build = "import sys, setuptools.build_meta as b; print(getattr(b, f'build_{sys.argv[1]}')(sys.argv[2]))"
 
     def built(kind: str, where: Path) -> Path:
@@ -35,17 +48,18 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
         done = subprocess.run(command, cwd=where, capture_output=True, text=True, timeout=120, check=True)
         return folder / done.stdout.split()[-1]
 
-    source = built("sdist", copy)
+    source = built("sdist", checkout)
     shutil.unpack_archive(source, folder, filter="data")
     return built("wheel", folder / source.name.removesuffix(".tar.gz"))
 
 
 @pytest.fixture(scope="module")
-def site(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder in which the wheel is installed."""
+def site(wheel: Path, blocks_wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder in which both wheels are installed."""
     folder = tmp_path_factory.mktemp("site")
-    with zipfile.ZipFile(wheel) as content:
-        content.extractall(folder)
+    for each in (wheel, blocks_wheel):
+        with zipfile.ZipFile(each) as content:
+            content.extractall(folder)
     return folder
 
 
@@ -75,6 +89,21 @@ def test_a_wheel_holds_all_that_a_checkout_has_and_one_package(wheel: Path) -> N
         held = {name for name in held if "__pycache__" not in name}
         assert held
         assert held <= {name.removeprefix(f"dtwin/{link}/") for name in names}
+
+
+def test_the_wheel_of_the_blocks_holds_all_of_them_and_needs_nothing_of_the_cell(blocks_wheel: Path) -> None:
+    archive = zipfile.ZipFile(blocks_wheel)
+    names = {name for name in archive.namelist() if "dist-info" not in name}
+    files = [path for path in (ROOT / "iec61499").rglob("*") if path.is_file()]
+    own = {
+        str(path.relative_to(ROOT))
+        for path in files
+        if not {"__pycache__", "iec61499.egg-info", "build"} & {*path.parts}
+    }
+    assert names == own - {"iec61499/pyproject.toml", "iec61499/README.md"}
+    metadata = archive.read(next(name for name in archive.namelist() if name.endswith("/METADATA"))).decode()
+    needed = {line.split()[1].partition(";")[0] for line in metadata.splitlines() if line.startswith("Requires-Dist")}
+    assert needed == {"lark", "lxml", "msgspec", "numpy", "tyro", "ziglang"}
 
 
 def test_the_citation_and_the_changes_name_the_version() -> None:

@@ -14,13 +14,13 @@ from typing import Final
 
 from dtwin.controller.ports import EMULATOR, Port, on_device
 from dtwin.errors import CommunicationError
-from dtwin.iec61499.literals import format_string, format_typed
-from dtwin.iec61499.management.client import ManagementClient
-from dtwin.iec61499.management.protocol import ANY, ManagedConnection, ManagementError
-from dtwin.iec61499.mapping import literal_of
-from dtwin.iec61499.net.address import LocalAddress, StreamAddress, parse_block_id
-from dtwin.iec61499.net.client import BlockingClient
-from dtwin.iec61499.types import ElementaryType
+from iec61499.literals import format_string, format_typed
+from iec61499.management.client import ManagementClient
+from iec61499.management.protocol import ANY, ManagedConnection, ManagementError
+from iec61499.mapping import literal_of
+from iec61499.net.address import LocalAddress, StreamAddress, parse_block_id
+from iec61499.net.client import BlockingClient
+from iec61499.types import ElementaryType
 
 TIMEOUT: Final = 1.0
 """Longest wait for every answer, s."""

@@ -30,10 +30,10 @@ from dtwin.controller.ports import (
 from dtwin.controller.sequence import CALLS, HELP, SequenceSettings
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import CommunicationError
-from dtwin.iec61499.net.address import StreamAddress
-from dtwin.iec61499.net.client import BlockingClient
 from dtwin.parameters import ArmParameters, Gains, Triple
 from dtwin.signals import ARM_STATES, STOPS, ArmState, Sensors, Stop, Voltages
+from iec61499.net.address import StreamAddress
+from iec61499.net.client import BlockingClient
 
 SETTLING: Final = 16
 """Number of samples after which an observer with its usual bandwidth of 100 rad/s has forgotten another motion."""

@@ -11,10 +11,10 @@ from dtwin.controller.ports import BLOCKS, EMULATOR, LAST_SAMPLE, PATH, SYSTEM, 
 from dtwin.controller.runtime import running
 from dtwin.controller.sequence import CALLS, HELP, STRAIGHT, SequenceSettings
 from dtwin.controller.settings import ControlSettings
-from dtwin.iec61499.runtime.resource import Resource
-from dtwin.iec61499.trace.ctf import TraceWriter
 from dtwin.parameters import Triple
 from dtwin.signals import Event, EventKind, Sensors, Voltages
+from iec61499.runtime.resource import Resource
+from iec61499.trace.ctf import TraceWriter
 
 
 class EmbeddedController:

@@ -9,9 +9,9 @@ from pathlib import Path
 
 from dtwin.controller.kept import application
 from dtwin.controller.ports import BLOCKS, EMULATOR, REQUEST, SYSTEM, TWIN, sensor_values, voltages
-from dtwin.iec61499.runtime.resource import Resource
 from dtwin.parameters import Triple
 from dtwin.signals import NO_COLOUR, Quad, Sensors
+from iec61499.runtime.resource import Resource
 
 
 class ExcitationController:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 
-from dtwin.iec61499 import model
-from dtwin.iec61499.library import Library
-from dtwin.iec61499.mapping import resource_network
+from iec61499 import model
+from iec61499.library import Library
+from iec61499.mapping import resource_network
 
 _MOST: Final = 8
 """Number of applications that are kept."""

@@ -1,7 +1,7 @@
 """Table of the blocks, ports and messages of the control application, and the conversion of samples and commands.
 
 Block names are those of fb/dtwin.sys, message layouts those of its SERVER blocks. The wire format is in
-`dtwin.iec61499.net.wire`.
+`iec61499.net.wire`.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from dtwin.errors import CommunicationError
-from dtwin.iec61499.net.wire import Signature
-from dtwin.iec61499.types import BOOL, DINT, LREAL, STRING
 from dtwin.parameters import ROOT
 from dtwin.signals import Sensors, Voltages
+from iec61499.net.wire import Signature
+from iec61499.types import BOOL, DINT, LREAL, STRING
 
 BLOCKS: Final = ROOT / "fb"
 """Folder of the function-block library."""

@@ -7,10 +7,10 @@ from typing import Final, Protocol
 
 from dtwin.controller.ports import EMULATOR, received_voltages, sensor_values
 from dtwin.errors import CommunicationError
-from dtwin.iec61499.net.address import StreamAddress
-from dtwin.iec61499.net.client import BlockingClient
 from dtwin.parameters import Triple
 from dtwin.signals import Event, Sensors, Voltages
+from iec61499.net.address import StreamAddress
+from iec61499.net.client import BlockingClient
 
 TIMEOUT: Final = 1.0
 """Longest wait for every answer, s."""

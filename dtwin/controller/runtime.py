@@ -14,12 +14,12 @@ from dataclasses import dataclass
 from typing import Any, Final, Literal, Protocol, get_args
 
 from dtwin.errors import FunctionBlockError, NativeError, ParameterError, choices
-from dtwin.iec61499 import model
-from dtwin.iec61499.library import Library
-from dtwin.iec61499.native.resource import NativeResource
-from dtwin.iec61499.runtime.resource import Resource
-from dtwin.iec61499.trace.ctf import TraceWriter
-from dtwin.iec61499.trace.recorder import TracedResource
+from iec61499 import model
+from iec61499.library import Library
+from iec61499.native.resource import NativeResource
+from iec61499.runtime.resource import Resource
+from iec61499.trace.ctf import TraceWriter
+from iec61499.trace.recorder import TracedResource
 
 log = logging.getLogger(__name__)
 

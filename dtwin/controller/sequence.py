@@ -8,10 +8,10 @@ from dataclasses import dataclass, field, replace
 from typing import Final, Literal, get_args
 
 from dtwin.errors import ParameterError
-from dtwin.iec61499.mapping import configured
-from dtwin.iec61499.model import System
 from dtwin.parameters import Triple
 from dtwin.task import DEFAULT_TASK, MOST_PLACES, Task
+from iec61499.mapping import configured
+from iec61499.model import System
 
 InputValue = float | int | str
 """A number, truth value or text of a block input."""

@@ -24,12 +24,6 @@ from dtwin.emulation.raw import raw_file_ticks, raw_plant_ticks
 from dtwin.errors import ParameterError
 from dtwin.experiments.blocks_benchmark import online_change, trace_cost
 from dtwin.experiments.monitoring.twin_cell import TwinCell
-from dtwin.iec61499.native.resource import NativeResource
-from dtwin.iec61499.net.address import LOOPBACK, Address, LocalAddress, StreamAddress
-from dtwin.iec61499.net.client import BlockingClient
-from dtwin.iec61499.net.reactor import Reactor
-from dtwin.iec61499.net.stream import StreamServer
-from dtwin.iec61499.net.wire import MessageReader
 from dtwin.monitoring.estimation.belief import Unmodelled, assumed
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import stream
@@ -46,6 +40,12 @@ from dtwin.simulation.whatif import MotionCase, Simulator
 from dtwin.twin.closed_loop import exchanges
 from dtwin.twin.rollout import rollout
 from dtwin.view.write import write_recording
+from iec61499.native.resource import NativeResource
+from iec61499.net.address import LOOPBACK, Address, LocalAddress, StreamAddress
+from iec61499.net.client import BlockingClient
+from iec61499.net.reactor import Reactor
+from iec61499.net.stream import StreamServer
+from iec61499.net.wire import MessageReader
 
 DURATION: Final = 120.0
 """s of plant time in one timed run"""

@@ -12,17 +12,17 @@ from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.ports import BLOCKS, EMULATOR, SYSTEM, on_device, sensor_values
 from dtwin.errors import DtwinError
 from dtwin.experiments.served import ServedDevice
-from dtwin.iec61499.library import Library
-from dtwin.iec61499.management.client import ManagementClient, Step
-from dtwin.iec61499.management.protocol import ManagedBlock, ManagedConnection
-from dtwin.iec61499.net.address import LocalAddress
-from dtwin.iec61499.net.client import BlockingClient
-from dtwin.iec61499.trace.ctf import TraceWriter
 from dtwin.parameters import PERIOD, PICKUP
 from dtwin.run.cell import Cell
 from dtwin.run.loop import run, tick_count
 from dtwin.run.settings import CellSettings, sequence_of
 from dtwin.signals import Sensors
+from iec61499.library import Library
+from iec61499.management.client import ManagementClient, Step
+from iec61499.management.protocol import ManagedBlock, ManagedConnection
+from iec61499.net.address import LocalAddress
+from iec61499.net.client import BlockingClient
+from iec61499.trace.ctf import TraceWriter
 
 CHANGES: Final = 190
 """Requests of an online change: 38 blocks created, connected, given a value that is read back, and started."""

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import IO, Final
 
 from dtwin.errors import DtwinError
-from dtwin.iec61499.net.address import parse_stream_address
+from iec61499.net.address import parse_stream_address
 
 TIMEOUT: Final = 20.0
 """Longest time that the process takes to end, s."""

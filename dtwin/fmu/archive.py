@@ -16,11 +16,11 @@ from dtwin.files import replacing
 from dtwin.fmu.description import Description, build_description, model_description_2, model_description_3
 from dtwin.fmu.sources import Subject, Version, source_files
 from dtwin.fmu.variables import Variable, cell_variables, controller_variables, twin_variables
-from dtwin.iec61499.library import Library
-from dtwin.iec61499.mapping import resource_network
-from dtwin.iec61499.native.build import FLAGS, compile_files, compilers
-from dtwin.iec61499.native.layout import Layout, network_layout
 from dtwin.parameters import ArmParameters
+from iec61499.library import Library
+from iec61499.mapping import resource_network
+from iec61499.native.build import FLAGS, compile_files, compilers
+from iec61499.native.layout import Layout, network_layout
 
 SUMMARIES: Final[dict[Subject, str]] = {
     "twin": "Three-link arm with a gripper: voltages in, angles out",

@@ -9,10 +9,10 @@ from typing import Final, Literal
 
 from dtwin.fmu.ranges import FARTHEST_TIME, LONGEST_DURATION
 from dtwin.fmu.variables import Variable
-from dtwin.iec61499.native.build import unit_files
-from dtwin.iec61499.native.layout import Layout
-from dtwin.iec61499.native.unit import unit_of
 from dtwin.parameters import GRAVITY, PERIOD, VOLTAGE_LIMIT
+from iec61499.native.build import unit_files
+from iec61499.native.layout import Layout
+from iec61499.native.unit import unit_of
 
 Subject = Literal["twin", "controller", "cell"]
 Version = Literal["3.0", "2.0"]

@@ -21,9 +21,6 @@ from dtwin.fmu.ranges import (
     Range,
     range_of_setting,
 )
-from dtwin.iec61499.native.layout import Layout
-from dtwin.iec61499.runtime.linking.generic_ports import variable_at
-from dtwin.iec61499.types import BOOL, DINT, LREAL
 from dtwin.parameters import (
     COULOMB_WIDTH,
     HANGING,
@@ -34,6 +31,9 @@ from dtwin.parameters import (
     symbol_of,
     unit_of,
 )
+from iec61499.native.layout import Layout
+from iec61499.runtime.linking.generic_ports import variable_at
+from iec61499.types import BOOL, DINT, LREAL
 
 Value = float | int | bool | str
 Kind = Literal["Float64", "Int32", "Boolean", "String"]

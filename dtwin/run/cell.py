@@ -12,7 +12,6 @@ import msgspec
 import numpy as np
 
 from dtwin.controller.embedded import EmbeddedController
-from dtwin.iec61499.native.resource import NativeResource
 from dtwin.logs.collecting import RunLog
 from dtwin.logs.log import Log
 from dtwin.parameters import PERIOD, VOLTAGE_LIMIT, Triple
@@ -23,6 +22,7 @@ from dtwin.run.loop import Controller, Pacer, run, tick_count
 from dtwin.run.settings import CellSettings, metadata, sequence_of
 from dtwin.run.without_effect import without_effect
 from dtwin.signals import BoxCounts, Event, StepRecord
+from iec61499.native.resource import NativeResource
 
 
 class Millimetres(msgspec.Struct, frozen=True):

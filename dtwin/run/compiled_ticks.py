@@ -20,7 +20,6 @@ from dtwin.controller.ports import EMULATOR, PATH, sensor_values
 from dtwin.controller.sequence import HELP
 from dtwin.emulation.emulation import Emulation
 from dtwin.errors import DivergenceError
-from dtwin.iec61499.native.resource import NativeResource
 from dtwin.logs.collecting import RunLog
 from dtwin.logs.log import NUMBERS
 from dtwin.parameters import PERIOD
@@ -28,6 +27,7 @@ from dtwin.signals import StepRecord
 from dtwin.twin import closed_loop
 from dtwin.twin.closed_loop import FINISHED, exchange
 from dtwin.twin.compiled import kernel
+from iec61499.native.resource import NativeResource
 
 Array = NDArray[np.float64]
 

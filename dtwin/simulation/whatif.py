@@ -20,7 +20,6 @@ from dtwin.controller.ports import BLOCKS, PATH
 from dtwin.controller.settings import ControlSettings
 from dtwin.emulation.encoders import Encoders, NoiseKind
 from dtwin.errors import DivergenceError, ParameterError
-from dtwin.iec61499.native.resource import NativeResource
 from dtwin.parameters import COULOMB_WIDTH, PERIOD, PICKUP, ArmParameters, PayloadModel, Triple
 from dtwin.simulation.figures import Array, Figures, figures, triple
 from dtwin.task import DEFAULT_TASK, Task
@@ -30,6 +29,7 @@ from dtwin.twin.effects import NO_EFFECTS, Effects
 from dtwin.twin.machine import SUBSTEP, WIDTH, integrate_machine, vector_of
 from dtwin.twin.rollout import is_weight_only
 from dtwin.twin.side_by_side import Begun, SideBySide
+from iec61499.native.resource import NativeResource
 
 SUBSTEPS: Final = 4
 """Number of RK4 steps per tick, each of 2.5 ms as in the emulation."""

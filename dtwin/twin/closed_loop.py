@@ -13,12 +13,12 @@ from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from dtwin.errors import DivergenceError
-from dtwin.iec61499.native.resource import NativeResource
 from dtwin.parameters import COULOMB_WIDTH, PERIOD, ArmParameters, PayloadModel
 from dtwin.twin import dynamics
 from dtwin.twin.compiled import kernel
 from dtwin.twin.dynamics import Array, advance, coefficients, held_torque
 from dtwin.twin.rollout import is_weight_only
+from iec61499.native.resource import NativeResource
 
 FINISHED: Final = 0
 DIVERGED: Final = -1

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.errors import DivergenceError
-from dtwin.iec61499.native.resource import NativeResource
 from dtwin.parameters import COULOMB_WIDTH, PERIOD, ArmParameters, PayloadModel
 from dtwin.twin import dynamics, lanes
 from dtwin.twin.closed_loop import DIVERGED, FINISHED, Motion, exchange
@@ -22,6 +21,7 @@ from dtwin.twin.compiled import kernel
 from dtwin.twin.dynamics import Array, Coefficients, clipped, coefficients, runge_kutta
 from dtwin.twin.lanes import WIDTH, load, store
 from dtwin.twin.rollout import is_weight_only
+from iec61499.native.resource import NativeResource
 
 _K: Final = Coefficients._fields.index("K1")
 _MU: Final = Coefficients._fields.index("mu1")

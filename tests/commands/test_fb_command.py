@@ -15,10 +15,10 @@ import pytest
 from dtwin.cli import main
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.remote import RemoteController
-from dtwin.iec61499.net.address import Address, parse_address
 from dtwin.parameters import ROOT
 from dtwin.run.cell import Cell
 from dtwin.run.settings import CellSettings
+from iec61499.net.address import Address, parse_address
 from tests.support.driven import DEPLOYED
 
 PATIENCE = 20.0

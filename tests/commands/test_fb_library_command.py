@@ -10,12 +10,12 @@ import pytest
 from dtwin.cli import main
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.remote import RemoteController
-from dtwin.iec61499 import model
-from dtwin.iec61499.deploy.device_type import DeviceType
-from dtwin.iec61499.library import Library
 from dtwin.parameters import ROOT
 from dtwin.run.cell import Cell
 from dtwin.run.settings import CellSettings
+from iec61499 import model
+from iec61499.deploy.device_type import DeviceType
+from iec61499.library import Library
 from tests.commands.test_fb_command import device
 from tests.support.driven import DEPLOYED
 from tests.support.iec61499.lua_bench import LuaBench

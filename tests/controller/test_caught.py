@@ -11,12 +11,12 @@ import pytest
 from dtwin.controller.device import ControlLoop
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.emulation.emulation import Emulation
-from dtwin.iec61499.net.client import BlockingClient
 from dtwin.parameters import PERIOD
 from dtwin.run.options import ControlOptions
 from dtwin.services.parts.recent import Recent
 from dtwin.services.parts.strides import strides
 from dtwin.signals import Sensors, Voltages
+from iec61499.net.client import BlockingClient
 
 STOP = "TWIN.MONITORING.DECISION.STOP"
 LATE = 5

@@ -12,12 +12,12 @@ import pytest
 from dtwin.controller.ports import EMULATOR
 from dtwin.controller.remote import RemoteController
 from dtwin.errors import CommunicationError
-from dtwin.iec61499.net.address import LOOPBACK, Address
-from dtwin.iec61499.net.reactor import Reactor
-from dtwin.iec61499.net.stream import StreamServer
-from dtwin.iec61499.net.wire import Message
 from dtwin.parameters import Triple
 from dtwin.signals import Event, Sensors, Voltages
+from iec61499.net.address import LOOPBACK, Address
+from iec61499.net.reactor import Reactor
+from iec61499.net.stream import StreamServer
+from iec61499.net.wire import Message
 
 PATIENCE = 10.0
 

@@ -14,11 +14,11 @@ from dtwin.controller.settings import APPLICATION_LAW, ControlSettings, usual_ga
 from dtwin.controller.settings_port import EmbeddedPort
 from dtwin.emulation.faults import parse_fault
 from dtwin.errors import CommunicationError, DtwinError, FunctionBlockError, ParameterError
-from dtwin.iec61499.native.resource import NativeResource
-from dtwin.iec61499.runtime.resource import Resource
 from dtwin.parameters import PERIOD, PICKUP, ArmParameters, Gains
 from dtwin.run.cell import Cell
 from dtwin.run.settings import CellSettings
+from iec61499.native.resource import NativeResource
+from iec61499.runtime.resource import Resource
 from tests.support.iec61499.c_harness import needs_compiler
 
 FAULTS = ("K2*=0.6@4-7", "bias1+=0.02@9", "freeze3@11-11.3")
@@ -115,7 +115,7 @@ def test_an_unknown_runtime_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_without_a_compiler_the_blocks_run_in_python(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("dtwin.iec61499.native.build.compilers", lambda: iter(()))
+    monkeypatch.setattr("iec61499.native.build.compilers", lambda: iter(()))
     monkeypatch.delenv(VARIABLE, raising=False)
     assert isinstance(MotionController().resource, Resource)
     with chosen("native"), pytest.raises(DtwinError, match="ziglang"):

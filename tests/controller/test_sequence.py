@@ -11,9 +11,9 @@ from dtwin.controller.device import ControlLoop, Outcome
 from dtwin.controller.ports import BLOCKS, MOTION_SYSTEM, SYSTEM
 from dtwin.controller.sequence import AMONG_BODIES, CALLS, SEQUENCES, STRAIGHT, with_sequence
 from dtwin.errors import CommunicationError, FunctionBlockError
-from dtwin.iec61499.library import Library
-from dtwin.iec61499.mapping import resource_network
-from dtwin.iec61499.runtime.resource import Resource
+from iec61499.library import Library
+from iec61499.mapping import resource_network
+from iec61499.runtime.resource import Resource
 
 
 @pytest.mark.parametrize(("name", "sequence"), [(None, STRAIGHT), *SEQUENCES.items()])

@@ -27,12 +27,12 @@ from dtwin.cli import main
 from dtwin.commands.table import COMMANDS
 from dtwin.emulation.faults import TARGETS, parse_fault
 from dtwin.emulation.machine.files import load
-from dtwin.iec61499.native.build import compilers
 from dtwin.logs.reading import read_log
 from dtwin.options import parse_options, parser_of
 from dtwin.parameters import ROOT
 from dtwin.run.cell import Cell
 from dtwin.run.settings import CellSettings
+from iec61499.native.build import compilers
 from tests.support.pages.blocks import PAGES, Block, blocks, command_of, fences, spoken, words_of
 
 WALKED: Final = {

@@ -10,8 +10,8 @@ from xml.etree import ElementTree
 
 import pytest
 
-from dtwin.iec61499 import model
-from dtwin.iec61499.library import Library
+from iec61499 import model
+from iec61499.library import Library
 from tests.support.driven import FOLDER
 
 TYPES = sorted(FOLDER.glob("*.fbt"))

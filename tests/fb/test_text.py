@@ -2,10 +2,10 @@
 
 import pytest
 
-from dtwin.iec61499 import model
-from dtwin.iec61499.library import Library
-from dtwin.iec61499.st.parser import parse_algorithm, parse_expression
-from dtwin.iec61499.st.printer import print_algorithm, print_expression
+from iec61499 import model
+from iec61499.library import Library
+from iec61499.st.parser import parse_algorithm, parse_expression
+from iec61499.st.printer import print_algorithm, print_expression
 from tests.support.driven import FOLDER
 
 LIBRARY = Library([FOLDER])

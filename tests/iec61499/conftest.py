@@ -9,9 +9,9 @@ from tempfile import TemporaryDirectory
 
 import pytest
 
-from dtwin.iec61499.library import Library
-from dtwin.iec61499.net.address import LocalAddress, StreamAddress
 from dtwin.parameters import ROOT
+from iec61499.library import Library
+from iec61499.net.address import LocalAddress, StreamAddress
 from tests.support.iec61499.block_files import Write
 from tests.support.iec61499.served_device import ANY_PORT, ServedDevice
 

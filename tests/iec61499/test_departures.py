@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 
 from dtwin.cli import main
-from dtwin.iec61499.departures.table import DEPARTURES, departures, table
-from dtwin.iec61499.library import Library
-from dtwin.iec61499.runtime.linking.flattening import flatten
-from dtwin.iec61499.runtime.linking.generic_ports import resolve
 from dtwin.parameters import ROOT
+from iec61499.departures.table import DEPARTURES, departures, table
+from iec61499.library import Library
+from iec61499.runtime.linking.flattening import flatten
+from iec61499.runtime.linking.generic_ports import resolve
 from tests.support.iec61499.networks import network
 
 SOURCES = (

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from dtwin.errors import FunctionBlockError
-from dtwin.iec61499.library import Library
-from dtwin.iec61499.mapping import resource_network
-from dtwin.iec61499.runtime.communication import LocalTransport
-from dtwin.iec61499.runtime.resource import Resource
+from iec61499.library import Library
+from iec61499.mapping import resource_network
+from iec61499.runtime.communication import LocalTransport
+from iec61499.runtime.resource import Resource
 
 SYSTEM = """<System Name="two"><Application Name="App"><SubAppNetwork>
 <FB Name="CYC" Type="E_CYCLE"><Parameter Name="DT" Value="T#100ms"/></FB>

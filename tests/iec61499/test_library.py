@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from dtwin.errors import FunctionBlockError
-from dtwin.iec61499.library import Library
+from iec61499.library import Library
 from tests.support.iec61499.block_files import BASIC, Write
 
 

@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dtwin.errors import FunctionBlockError
-from dtwin.iec61499.literals import format_literal, parse_literal
-from dtwin.iec61499.types import (
+from iec61499.literals import format_literal, parse_literal
+from iec61499.types import (
     BOOL,
     BYTE,
     DINT,

@@ -16,24 +16,24 @@ from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.remote import RemoteController
 from dtwin.controller.settings import USUAL_GAINS, ControlSettings
 from dtwin.emulation.faults import parse_fault
-from dtwin.iec61499 import model
-from dtwin.iec61499.deploy.build import deploy
-from dtwin.iec61499.deploy.plan import plan_deployment
-from dtwin.iec61499.library import Library
-from dtwin.iec61499.literals import parse_literal
-from dtwin.iec61499.management.bootfile import print_boot_file
-from dtwin.iec61499.management.client import ManagementClient
-from dtwin.iec61499.net.client import BlockingClient
-from dtwin.iec61499.net.wire import Signature
-from dtwin.iec61499.runtime.resource import Resource
-from dtwin.iec61499.standard.notation import basic
-from dtwin.iec61499.types import BOOL, DINT, LREAL
 from dtwin.logs.log import Log
 from dtwin.parameters import ArmParameters
 from dtwin.run.cell import Cell
 from dtwin.run.loop import run
 from dtwin.run.settings import CellSettings
 from dtwin.signals import STOPS
+from iec61499 import model
+from iec61499.deploy.build import deploy
+from iec61499.deploy.plan import plan_deployment
+from iec61499.library import Library
+from iec61499.literals import parse_literal
+from iec61499.management.bootfile import print_boot_file
+from iec61499.management.client import ManagementClient
+from iec61499.net.client import BlockingClient
+from iec61499.net.wire import Signature
+from iec61499.runtime.resource import Resource
+from iec61499.standard.notation import basic
+from iec61499.types import BOOL, DINT, LREAL
 from tests.support.devices import BLOCKS, DeployedApplication, Receiver, embedded
 from tests.support.forte import FORTE, FORTES, NO_FORTE, forte
 from tests.support.waiting import connected, until

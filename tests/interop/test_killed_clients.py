@@ -12,11 +12,11 @@ import pytest
 from dtwin.controller.device import ControlLoop
 from dtwin.controller.ports import MODEL, TUNING
 from dtwin.controller.settings import ControlSettings
-from dtwin.iec61499.net.address import Address
-from dtwin.iec61499.net.wire import Signature
-from dtwin.iec61499.types import LREAL
 from dtwin.parameters import ArmParameters, Gains, scaled
 from dtwin.signals import Sensors
+from iec61499.net.address import Address
+from iec61499.net.wire import Signature
+from iec61499.types import LREAL
 from tests.support.devices import DeployedApplication, embedded
 from tests.support.forte import FORTE, NO_FORTE, forte
 from tests.support.waiting import connected

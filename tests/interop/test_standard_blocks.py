@@ -14,8 +14,8 @@ from pathlib import Path
 
 import pytest
 
-from dtwin.iec61499.management.client import ManagementClient
-from dtwin.iec61499.management.protocol import ManagedType
+from iec61499.management.client import ManagementClient
+from iec61499.management.protocol import ManagedType
 from tests.support.forte import FORTE, NO_FORTE, forte
 from tests.support.forte_cases import Questioner, function_groups, same
 from tests.support.forte_events import EVENT_BLOCKS, EventBench, expected_readings

@@ -14,14 +14,14 @@ from typing import Any
 
 import pytest
 
-from dtwin.iec61499 import model
-from dtwin.iec61499.deploy.build import deploy
-from dtwin.iec61499.deploy.plan import plan_deployment
-from dtwin.iec61499.library import Library
-from dtwin.iec61499.literals import format_literal
-from dtwin.iec61499.management.client import ManagementClient
-from dtwin.iec61499.st.parser import parse_algorithm
-from dtwin.iec61499.types import STRING, ArrayType, DataType, ElementaryType
+from iec61499 import model
+from iec61499.deploy.build import deploy
+from iec61499.deploy.plan import plan_deployment
+from iec61499.library import Library
+from iec61499.literals import format_literal
+from iec61499.management.client import ManagementClient
+from iec61499.st.parser import parse_algorithm
+from iec61499.types import STRING, ArrayType, DataType, ElementaryType
 from tests.support.forte import FORTE, NO_FORTE, forte
 from tests.support.iec61499.st_oracle import Fault, left_by
 from tests.support.iec61499.st_oracle_functions import Unsaid

@@ -13,7 +13,7 @@ import pytest
 from dtwin.controller.device import ControlLoop
 from dtwin.controller.ports import ARM_MODEL, EMULATOR, VERDICT, Port
 from dtwin.errors import CommunicationError
-from dtwin.iec61499.net.address import LOOPBACK, Address
+from iec61499.net.address import LOOPBACK, Address
 from tests.support.devices import DeployedApplication, embedded
 from tests.support.forte import FORTE, NO_FORTE, forte
 from tests.support.waiting import until

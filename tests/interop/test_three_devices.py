@@ -18,15 +18,15 @@ import pytest
 
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.remote import RemoteController
-from dtwin.iec61499.deploy.build import deploy
-from dtwin.iec61499.deploy.plan import plan_deployment
-from dtwin.iec61499.distribution import FIRST_PORT
-from dtwin.iec61499.library import Library
-from dtwin.iec61499.management.client import ManagementClient
-from dtwin.iec61499.mapping import resource_network
-from dtwin.iec61499.net.address import LOOPBACK, Address
 from dtwin.run.cell import Cell
 from dtwin.run.settings import CellSettings
+from iec61499.deploy.build import deploy
+from iec61499.deploy.plan import plan_deployment
+from iec61499.distribution import FIRST_PORT
+from iec61499.library import Library
+from iec61499.management.client import ManagementClient
+from iec61499.mapping import resource_network
+from iec61499.net.address import LOOPBACK, Address
 from tests.support.devices import BLOCKS, PATIENCE, PORTS, embedded
 from tests.support.driven import DEPLOYED
 from tests.support.forte import FORTE, NO_FORTE, forte

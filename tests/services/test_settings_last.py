@@ -30,12 +30,12 @@ from dtwin.controller.device import Outcome
 from dtwin.controller.sequence import AMONG_BODIES, CALLS, STRAIGHT, SequenceSettings
 from dtwin.controller.settings import ControlSettings, usual_gains
 from dtwin.errors import CommunicationError, RecordingError
-from dtwin.iec61499.net.address import Address
 from dtwin.parameters import ArmParameters, Gains, Triple
 from dtwin.services import bridge
 from dtwin.services.parts.state_file import StateFile
 from dtwin.services.service import Service
 from dtwin.signals import ArmState, Event, EventKind, Sensors, Stop, Voltages
+from iec61499.net.address import Address
 from tests.services.test_stop_lasts import PATIENCE, watched
 from tests.support.desk import Desk, busy_cell
 from tests.support.ports import free_port

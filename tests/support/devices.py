@@ -14,15 +14,15 @@ from typing import Final
 
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import CommunicationError
-from dtwin.iec61499.deploy.build import deploy, suited
-from dtwin.iec61499.deploy.plan import Deployment, plan_deployment
-from dtwin.iec61499.library import Library
-from dtwin.iec61499.management.client import ManagementClient
-from dtwin.iec61499.mapping import configured, device_network
-from dtwin.iec61499.net.address import LOOPBACK, Address
-from dtwin.iec61499.net.client import BlockingClient
-from dtwin.iec61499.net.wire import Message, MessageReader, Signature
 from dtwin.parameters import ROOT
+from iec61499.deploy.build import deploy, suited
+from iec61499.deploy.plan import Deployment, plan_deployment
+from iec61499.library import Library
+from iec61499.management.client import ManagementClient
+from iec61499.mapping import configured, device_network
+from iec61499.net.address import LOOPBACK, Address
+from iec61499.net.client import BlockingClient
+from iec61499.net.wire import Message, MessageReader, Signature
 from tests.support.ports import free_ports
 from tests.support.waiting import connected
 

@@ -9,13 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from dtwin.controller.settings import APPLICATION_LAW, ControlSettings
-from dtwin.iec61499 import model
-from dtwin.iec61499.library import Library
-from dtwin.iec61499.mapping import resource_network
-from dtwin.iec61499.runtime.resource import Resource
 from dtwin.parameters import ROOT, ArmParameters
 from dtwin.task import DEFAULT_TASK
 from dtwin.twin.rollout import rollout
+from iec61499 import model
+from iec61499.library import Library
+from iec61499.mapping import resource_network
+from iec61499.runtime.resource import Resource
 
 FOLDER: Final = ROOT / "fb"
 JOINTS: Final = (1, 2, 3)

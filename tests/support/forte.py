@@ -9,7 +9,7 @@ from typing import Final
 
 import pytest
 
-from dtwin.iec61499.net.address import LOOPBACK, Address
+from iec61499.net.address import LOOPBACK, Address
 from tests.support.ports import free_port, listening
 from tests.support.waiting import until
 

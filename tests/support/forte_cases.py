@@ -8,15 +8,15 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from dtwin.iec61499 import model
-from dtwin.iec61499.departures.table import DEPARTURES
-from dtwin.iec61499.departures.uses import Use
-from dtwin.iec61499.library import Library
-from dtwin.iec61499.literals import format_date, format_typed
-from dtwin.iec61499.management.client import ManagementClient
-from dtwin.iec61499.runtime.resource import Resource
-from dtwin.iec61499.standard.catalogue import find_standard
-from dtwin.iec61499.types import ELEMENTARY, STRING, ElementaryType, bytes_of
+from iec61499 import model
+from iec61499.departures.table import DEPARTURES
+from iec61499.departures.uses import Use
+from iec61499.library import Library
+from iec61499.literals import format_date, format_typed
+from iec61499.management.client import ManagementClient
+from iec61499.runtime.resource import Resource
+from iec61499.standard.catalogue import find_standard
+from iec61499.types import ELEMENTARY, STRING, ElementaryType, bytes_of
 from tests.support.waiting import until
 
 REPEATS: Final = 5

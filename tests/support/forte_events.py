@@ -8,13 +8,13 @@ from functools import partial
 from itertools import pairwise
 from typing import Final
 
-from dtwin.iec61499 import model
-from dtwin.iec61499.library import Library
-from dtwin.iec61499.literals import format_literal, parse_literal
-from dtwin.iec61499.management.client import ManagementClient
-from dtwin.iec61499.runtime.resource import Resource
-from dtwin.iec61499.standard.catalogue import find_standard
-from dtwin.iec61499.types import ElementaryType
+from iec61499 import model
+from iec61499.library import Library
+from iec61499.literals import format_literal, parse_literal
+from iec61499.management.client import ManagementClient
+from iec61499.runtime.resource import Resource
+from iec61499.standard.catalogue import find_standard
+from iec61499.types import ElementaryType
 from tests.support.forte_cases import printed
 from tests.support.waiting import until
 

@@ -7,7 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-from dtwin.iec61499.net.address import LOOPBACK
+from iec61499.net.address import LOOPBACK
 
 _FIRST: Final = 10_000
 _BELOW: Final = 20_000

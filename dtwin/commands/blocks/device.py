@@ -21,20 +21,20 @@ import tyro
 from dtwin.commands.blocks.library import print_changes
 from dtwin.controller.sequence import SequenceName, with_sequence
 from dtwin.errors import FunctionBlockError, ParameterError, choices
-from dtwin.iec61499 import model
-from dtwin.iec61499.deploy.listing import listed
-from dtwin.iec61499.device.embedded import EmbeddedDevice
-from dtwin.iec61499.library import Library
-from dtwin.iec61499.management.bootfile import load_boot_file
-from dtwin.iec61499.management.client import ManagementClient
-from dtwin.iec61499.management.protocol import ManagementError
-from dtwin.iec61499.management.server import ManagementServer
-from dtwin.iec61499.mapping import management_address
-from dtwin.iec61499.net.address import StreamAddress, parse_listening_address, parse_stream_address
-from dtwin.iec61499.net.reactor import Reactor
 from dtwin.parameters import ROOT
 from dtwin.run.cell_file import task_named
 from dtwin.terminal import LineFormatter, RateLimit, printable
+from iec61499 import model
+from iec61499.deploy.listing import listed
+from iec61499.device.embedded import EmbeddedDevice
+from iec61499.library import Library
+from iec61499.management.bootfile import load_boot_file
+from iec61499.management.client import ManagementClient
+from iec61499.management.protocol import ManagementError
+from iec61499.management.server import ManagementServer
+from iec61499.mapping import management_address
+from iec61499.net.address import StreamAddress, parse_listening_address, parse_stream_address
+from iec61499.net.reactor import Reactor
 
 
 @dataclass(frozen=True)

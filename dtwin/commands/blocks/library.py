@@ -12,25 +12,25 @@ import tyro
 from dtwin.controller.sequence import SequenceName, with_sequence
 from dtwin.errors import DtwinError, FunctionBlockError, ParameterError, choices
 from dtwin.files import replacing
-from dtwin.iec61499 import model
-from dtwin.iec61499.deploy.build import Planner, deploy, remove, suited
-from dtwin.iec61499.deploy.cpp_export import built_in_type, module_files
-from dtwin.iec61499.deploy.device_type import TypeExport
-from dtwin.iec61499.deploy.difference import change, difference
-from dtwin.iec61499.deploy.lua_export import export_type
-from dtwin.iec61499.deploy.plan import Deployment, plan_deployment
-from dtwin.iec61499.inspection import SUFFIXES, inspect
-from dtwin.iec61499.library import Library
-from dtwin.iec61499.management.bootfile import Command, print_boot_file
-from dtwin.iec61499.management.client import ManagementClient
-from dtwin.iec61499.mapping import device_network, management_address
-from dtwin.iec61499.native.export import c_files
-from dtwin.iec61499.net.address import parse_stream_address
-from dtwin.iec61499.runtime.linking.generic_ports import unconnected
-from dtwin.iec61499.st.c.names import c_name
 from dtwin.parameters import ROOT
 from dtwin.run.cell_file import task_named
 from dtwin.terminal import printable
+from iec61499 import model
+from iec61499.deploy.build import Planner, deploy, remove, suited
+from iec61499.deploy.cpp_export import built_in_type, module_files
+from iec61499.deploy.device_type import TypeExport
+from iec61499.deploy.difference import change, difference
+from iec61499.deploy.lua_export import export_type
+from iec61499.deploy.plan import Deployment, plan_deployment
+from iec61499.inspection import SUFFIXES, inspect
+from iec61499.library import Library
+from iec61499.management.bootfile import Command, print_boot_file
+from iec61499.management.client import ManagementClient
+from iec61499.mapping import device_network, management_address
+from iec61499.native.export import c_files
+from iec61499.net.address import parse_stream_address
+from iec61499.runtime.linking.generic_ports import unconnected
+from iec61499.st.c.names import c_name
 
 BLOCKS = ROOT / "fb"
 SYSTEM = BLOCKS / "dtwin.sys"

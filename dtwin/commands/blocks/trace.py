@@ -13,16 +13,16 @@ import tyro
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.ports import BLOCKS, SYSTEM
 from dtwin.errors import ParameterError, choices
-from dtwin.iec61499.deploy.watched_trace import ResourceBlocks, WatchedEvents, resource_blocks
-from dtwin.iec61499.library import Library
-from dtwin.iec61499.management.client import ManagementClient
-from dtwin.iec61499.mapping import resource_network
-from dtwin.iec61499.net.address import parse_stream_address
-from dtwin.iec61499.trace.ctf import TraceWriter, read_trace
-from dtwin.iec61499.trace.replay import replay
 from dtwin.run.cell import Cell
 from dtwin.run.settings import CellSettings, sequence_of
 from dtwin.terminal import printable
+from iec61499.deploy.watched_trace import ResourceBlocks, WatchedEvents, resource_blocks
+from iec61499.library import Library
+from iec61499.management.client import ManagementClient
+from iec61499.mapping import resource_network
+from iec61499.net.address import parse_stream_address
+from iec61499.trace.ctf import TraceWriter, read_trace
+from iec61499.trace.replay import replay
 
 
 @dataclass(frozen=True)

@@ -19,13 +19,13 @@ from dtwin.controller.ports import BLOCKS
 from dtwin.controller.remote import RemoteController
 from dtwin.controller.runtime import RuntimeOption
 from dtwin.files import LOG, RECORDING, ensure_writable
-from dtwin.iec61499.net.address import parse_address
 from dtwin.parameters import PERIOD
 from dtwin.run.cell import Cell, RunSummary
 from dtwin.run.hidden import HiddenLog
 from dtwin.run.options import ControlOptions, PlantOptions
 from dtwin.run.settings import CellSettings, sequence_of
 from dtwin.terminal import print_json, printable
+from iec61499.net.address import parse_address
 
 SAME_VOLTS: Final = 1e-9
 """Difference of their voltages within which two controllers count as the same, V."""

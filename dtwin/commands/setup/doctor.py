@@ -20,10 +20,10 @@ from dtwin import __version__
 from dtwin.bus.opening import RENDEZVOUS
 from dtwin.commands.frame import JsonOption
 from dtwin.errors import DtwinError
-from dtwin.iec61499.native.build import compilers
 from dtwin.services.launch import MANAGEMENT
 from dtwin.services.runfile import folder
 from dtwin.terminal import as_text, print_json, print_table
+from iec61499.native.build import compilers
 
 State = Literal["present", "missing", "needed", "free", "taken"]
 """needed: missing, and dtwin does not work without it; free and taken are said of ports."""

@@ -12,9 +12,9 @@ from typing import Final, get_args
 from xml.sax.saxutils import quoteattr
 
 from dtwin.errors import CommunicationError
-from dtwin.iec61499.management.protocol import ManagementError, RequestAction, parse_request
-from dtwin.iec61499.net.wire import Signature
-from dtwin.iec61499.types import BOOL, DINT, LREAL, STRING, WSTRING, ArrayType, DataType
+from iec61499.management.protocol import ManagementError, RequestAction, parse_request
+from iec61499.net.wire import Signature
+from iec61499.types import BOOL, DINT, LREAL, STRING, WSTRING, ArrayType, DataType
 
 TARGETS: Final = ("T", "U", "V")
 """Resources that requests may do anything with."""

@@ -15,13 +15,13 @@ from typing import Final
 from dtwin.errors import CommunicationError, DtwinError
 from dtwin.experiments.hostile.inputs import DATAGRAMS, TARGETS, Inputs
 from dtwin.experiments.served import ServedDevice
-from dtwin.iec61499.management.client import ManagementClient
-from dtwin.iec61499.management.protocol import REQUESTS, RESPONSES, ManagedBlock, parse_response
-from dtwin.iec61499.net.address import LOOPBACK, Address, StreamAddress
-from dtwin.iec61499.net.client import BlockingClient
-from dtwin.iec61499.net.sockets import connected_socket
-from dtwin.iec61499.net.wire import Signature
-from dtwin.iec61499.types import UINT
+from iec61499.management.client import ManagementClient
+from iec61499.management.protocol import REQUESTS, RESPONSES, ManagedBlock, parse_response
+from iec61499.net.address import LOOPBACK, Address, StreamAddress
+from iec61499.net.client import BlockingClient
+from iec61499.net.sockets import connected_socket
+from iec61499.net.wire import Signature
+from iec61499.types import UINT
 
 PERIOD: Final = 0.01
 """Time between two ticks of the resource that must not be disturbed, s."""

@@ -22,7 +22,6 @@ from dtwin.emulation.boxes import Boxes
 from dtwin.emulation.machine.files import machine_of
 from dtwin.errors import DivergenceError, NativeError
 from dtwin.experiments.identification.strangers import truth_of
-from dtwin.iec61499.native.resource import NativeResource
 from dtwin.logs.log import COLUMNS, Log
 from dtwin.parameters import HANGING, PERIOD, VOLTAGE_LIMIT, ArmParameters, GripperParameters, Triple
 from dtwin.signals import NO_COLOUR, BoxCounts
@@ -31,6 +30,7 @@ from dtwin.twin.cell_loop import DIVERGED, work
 from dtwin.twin.effects import Effects
 from dtwin.twin.kinematics import forward
 from dtwin.twin.machine import MACHINE_NAMES, machine_of_vector
+from iec61499.native.resource import NativeResource
 
 Array = NDArray[np.float64]
 

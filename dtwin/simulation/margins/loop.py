@@ -22,12 +22,12 @@ from scipy.linalg import expm
 from dtwin.controller.motion import ARM, MotionController
 from dtwin.controller.ports import MEMORY
 from dtwin.controller.settings import ControlSettings
-from dtwin.iec61499.native.resource import NativeResource
 from dtwin.parameters import PERIOD, ArmParameters, Triple
 from dtwin.simulation.figures import Array
 from dtwin.twin.closed_loop import TickResponses
 from dtwin.twin.effects import NO_EFFECTS, Effects
 from dtwin.twin.machine import machine_acceleration, vector_of
+from iec61499.native.resource import NativeResource
 
 _STEP: Final = 1e-5
 """Step of the difference quotients in the unit of the variable.

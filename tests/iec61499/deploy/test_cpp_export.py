@@ -12,15 +12,15 @@ import pytest
 
 from dtwin.cli import main
 from dtwin.errors import FunctionBlockError
-from dtwin.iec61499 import model
-from dtwin.iec61499.deploy.build import suited
-from dtwin.iec61499.deploy.cpp_export import built_in_type, module_files
-from dtwin.iec61499.deploy.device_type import TypeExport, is_built_in, original_name
-from dtwin.iec61499.deploy.lua_export import export_type
-from dtwin.iec61499.deploy.plan import Deployment, plan_deployment
-from dtwin.iec61499.library import Library
-from dtwin.iec61499.mapping import resource_network
 from dtwin.parameters import ROOT
+from iec61499 import model
+from iec61499.deploy.build import suited
+from iec61499.deploy.cpp_export import built_in_type, module_files
+from iec61499.deploy.device_type import TypeExport, is_built_in, original_name
+from iec61499.deploy.lua_export import export_type
+from iec61499.deploy.plan import Deployment, plan_deployment
+from iec61499.library import Library
+from iec61499.mapping import resource_network
 from tests.support.iec61499.networks import chart
 
 BLOCKS = ROOT / "fb"

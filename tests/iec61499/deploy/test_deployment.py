@@ -12,14 +12,15 @@ import numpy as np
 import pytest
 
 from dtwin.errors import FunctionBlockError
-from dtwin.iec61499 import model
-from dtwin.iec61499.deploy.build import deploy
-from dtwin.iec61499.deploy.plan import Deployment, plan_deployment
-from dtwin.iec61499.device.embedded import EmbeddedDevice
-from dtwin.iec61499.library import Library
-from dtwin.iec61499.management.bootfile import Command, parse_boot_file, print_boot_file
-from dtwin.iec61499.management.client import ManagementClient
-from dtwin.iec61499.management.protocol import (
+from dtwin.parameters import ROOT
+from iec61499 import model
+from iec61499.deploy.build import deploy
+from iec61499.deploy.plan import Deployment, plan_deployment
+from iec61499.device.embedded import EmbeddedDevice
+from iec61499.library import Library
+from iec61499.management.bootfile import Command, parse_boot_file, print_boot_file
+from iec61499.management.client import ManagementClient
+from iec61499.management.protocol import (
     ManagedBlock,
     ManagedConnection,
     ManagedType,
@@ -28,14 +29,13 @@ from dtwin.iec61499.management.protocol import (
     Request,
     Response,
 )
-from dtwin.iec61499.management.server import ManagementServer
-from dtwin.iec61499.mapping import resource_network
-from dtwin.iec61499.net.address import LOOPBACK, Address
-from dtwin.iec61499.net.reactor import Reactor
-from dtwin.iec61499.runtime.resource import Resource
-from dtwin.iec61499.standard.notation import interface
-from dtwin.iec61499.types import LREAL
-from dtwin.parameters import ROOT
+from iec61499.management.server import ManagementServer
+from iec61499.mapping import resource_network
+from iec61499.net.address import LOOPBACK, Address
+from iec61499.net.reactor import Reactor
+from iec61499.runtime.resource import Resource
+from iec61499.standard.notation import interface
+from iec61499.types import LREAL
 from tests.support.iec61499.networks import Types, chart, network
 
 BLOCKS = ROOT / "fb"

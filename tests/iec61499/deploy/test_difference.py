@@ -10,13 +10,14 @@ import pytest
 
 from dtwin.controller.ports import EMULATOR
 from dtwin.errors import CommunicationError
-from dtwin.iec61499.deploy.build import deploy
-from dtwin.iec61499.deploy.difference import Difference, change, difference
-from dtwin.iec61499.deploy.plan import Deployment, plan_deployment
-from dtwin.iec61499.library import Library
-from dtwin.iec61499.management.bootfile import Command
-from dtwin.iec61499.management.client import ManagementClient
-from dtwin.iec61499.management.protocol import (
+from dtwin.parameters import ROOT
+from iec61499.deploy.build import deploy
+from iec61499.deploy.difference import Difference, change, difference
+from iec61499.deploy.plan import Deployment, plan_deployment
+from iec61499.library import Library
+from iec61499.management.bootfile import Command
+from iec61499.management.client import ManagementClient
+from iec61499.management.protocol import (
     Change,
     ManagedBlock,
     ManagedConnection,
@@ -24,11 +25,10 @@ from dtwin.iec61499.management.protocol import (
     Request,
     Response,
 )
-from dtwin.iec61499.mapping import device_network, resource_network
-from dtwin.iec61499.net.address import LOOPBACK, Address
-from dtwin.iec61499.net.client import BlockingClient
-from dtwin.iec61499.runtime.resource import Resource
-from dtwin.parameters import ROOT
+from iec61499.mapping import device_network, resource_network
+from iec61499.net.address import LOOPBACK, Address
+from iec61499.net.client import BlockingClient
+from iec61499.runtime.resource import Resource
 from tests.support.iec61499.served_device import PATIENCE, ServedDevice, samples
 
 PORTS = dict.fromkeys(range(61500, 61507), 0)

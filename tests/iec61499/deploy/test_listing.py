@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from dtwin.iec61499.deploy.build import deploy
-from dtwin.iec61499.deploy.difference import change, difference
-from dtwin.iec61499.deploy.listing import NOTE, SHORT_PIECE, Listing, listed, write_note
-from dtwin.iec61499.deploy.plan import Deployment, plan_deployment
-from dtwin.iec61499.management.client import ManagementClient
-from dtwin.iec61499.management.protocol import ManagedBlock, ManagedConnection, ManagementError, Response
+from iec61499.deploy.build import deploy
+from iec61499.deploy.difference import change, difference
+from iec61499.deploy.listing import NOTE, SHORT_PIECE, Listing, listed, write_note
+from iec61499.deploy.plan import Deployment, plan_deployment
+from iec61499.management.client import ManagementClient
+from iec61499.management.protocol import ManagedBlock, ManagedConnection, ManagementError, Response
 from tests.support.iec61499.networks import network
 from tests.support.iec61499.served_device import ServedDevice
 

@@ -9,14 +9,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dtwin.errors import FunctionBlockError
-from dtwin.iec61499 import model
-from dtwin.iec61499.deploy.device_type import DeviceType, original_name
-from dtwin.iec61499.deploy.lua_export import export_type
-from dtwin.iec61499.library import Library
-from dtwin.iec61499.management.protocol import REQUEST_LIMIT
-from dtwin.iec61499.standard.notation import interface
-from dtwin.iec61499.types import ElementaryType
 from dtwin.parameters import ROOT
+from iec61499 import model
+from iec61499.deploy.device_type import DeviceType, original_name
+from iec61499.deploy.lua_export import export_type
+from iec61499.library import Library
+from iec61499.management.protocol import REQUEST_LIMIT
+from iec61499.standard.notation import interface
+from iec61499.types import ElementaryType
 from tests.iec61499.runtime.test_chart import STATES, Interpreter, action_lists, transition_lists
 from tests.support.examples import examples
 from tests.support.iec61499.lua_bench import INTERPRETERS, LuaBench, same

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from dtwin.iec61499.management.client import ManagementClient
+from iec61499.management.client import ManagementClient
 from tests.support.forte import FORTE, NO_FORTE, forte
 from tests.support.iec61499.served_device import PATIENCE
 from tests.support.waiting import connected

@@ -8,12 +8,12 @@ import pytest
 
 from dtwin.controller.ports import EMULATOR
 from dtwin.errors import FunctionBlockError
-from dtwin.iec61499.management.bootfile import parse_boot_file
-from dtwin.iec61499.management.protocol import ManagedBlock
-from dtwin.iec61499.mapping import resource_network
-from dtwin.iec61499.net.client import BlockingClient
-from dtwin.iec61499.runtime.resource import Resource
 from dtwin.parameters import ROOT
+from iec61499.management.bootfile import parse_boot_file
+from iec61499.management.protocol import ManagedBlock
+from iec61499.mapping import resource_network
+from iec61499.net.client import BlockingClient
+from iec61499.runtime.resource import Resource
 from tests.support.iec61499.served_device import (
     BOOT,
     DOUBLING,

@@ -11,18 +11,18 @@ from typing import NoReturn
 
 import pytest
 
-from dtwin.iec61499.device.managed_resource import ManagedResource
-from dtwin.iec61499.files.block_types import read_type
-from dtwin.iec61499.library import Library
-from dtwin.iec61499.management.protocol import ManagedConnection
-from dtwin.iec61499.net.address import Address
-from dtwin.iec61499.net.encoding import NULL
-from dtwin.iec61499.net.reactor import Reactor
-from dtwin.iec61499.net.wire import Signature
-from dtwin.iec61499.runtime.compile import compiled
-from dtwin.iec61499.st.python.helpers import FAST
-from dtwin.iec61499.st.semantics import COMPUTING_TIME
-from dtwin.iec61499.types import STRING
+from iec61499.device.managed_resource import ManagedResource
+from iec61499.files.block_types import read_type
+from iec61499.library import Library
+from iec61499.management.protocol import ManagedConnection
+from iec61499.net.address import Address
+from iec61499.net.encoding import NULL
+from iec61499.net.reactor import Reactor
+from iec61499.net.wire import Signature
+from iec61499.runtime.compile import compiled
+from iec61499.st.python.helpers import FAST
+from iec61499.st.semantics import COMPUTING_TIME
+from iec61499.types import STRING
 from tests.iec61499.conftest import DOUBLER
 from tests.support.iec61499.served_device import DOUBLING, ServedDevice, build, free_address, wait_for
 from tests.support.waiting import until

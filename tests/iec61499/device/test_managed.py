@@ -7,9 +7,9 @@ import socket
 import pytest
 
 from dtwin.errors import CommunicationError
-from dtwin.iec61499.device.managed_resource import WATCHES
-from dtwin.iec61499.management.client import ManagementClient
-from dtwin.iec61499.management.protocol import (
+from iec61499.device.managed_resource import WATCHES
+from iec61499.management.client import ManagementClient
+from iec61499.management.protocol import (
     ManagedBlock,
     ManagedConnection,
     ManagedType,
@@ -18,9 +18,9 @@ from dtwin.iec61499.management.protocol import (
     Subject,
     Watch,
 )
-from dtwin.iec61499.net.client import BlockingClient
-from dtwin.iec61499.net.wire import Signature
-from dtwin.iec61499.types import BOOL
+from iec61499.net.client import BlockingClient
+from iec61499.net.wire import Signature
+from iec61499.types import BOOL
 from tests.support.iec61499.hostile import drain
 from tests.support.iec61499.served_device import (
     DOUBLING,

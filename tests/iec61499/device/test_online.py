@@ -11,11 +11,14 @@ from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.ports import BLOCKS, EMULATOR, SYSTEM, on_device
 from dtwin.controller.remote import RemoteController, Shadow
 from dtwin.experiments.blocks_benchmark import neutral_change
-from dtwin.iec61499 import model
-from dtwin.iec61499.device.drawn_network import DrawnNetwork
-from dtwin.iec61499.library import Library
-from dtwin.iec61499.management.client import ManagementClient
-from dtwin.iec61499.management.protocol import (
+from dtwin.run.cell import Cell
+from dtwin.run.settings import CellSettings, sequence_of
+from dtwin.signals import Sensors, Voltages
+from iec61499 import model
+from iec61499.device.drawn_network import DrawnNetwork
+from iec61499.library import Library
+from iec61499.management.client import ManagementClient
+from iec61499.management.protocol import (
     ManagedBlock,
     ManagedConnection,
     ManagedType,
@@ -24,10 +27,7 @@ from dtwin.iec61499.management.protocol import (
     Watched,
     parse_request,
 )
-from dtwin.iec61499.net.address import StreamAddress
-from dtwin.run.cell import Cell
-from dtwin.run.settings import CellSettings, sequence_of
-from dtwin.signals import Sensors, Voltages
+from iec61499.net.address import StreamAddress
 from tests.support.driven import DEPLOYED
 from tests.support.iec61499.served_device import DOUBLING, PATIENCE, ServedDevice, build, wait_for
 

@@ -11,10 +11,10 @@ import pytest
 
 from dtwin.controller.ports import BLOCKS
 from dtwin.errors import FunctionBlockError
-from dtwin.iec61499.device import embedded, preparation
-from dtwin.iec61499.device.preparation import Preparation
-from dtwin.iec61499.library import Library
-from dtwin.iec61499.runtime.compile import compile_type
+from iec61499.device import embedded, preparation
+from iec61499.device.preparation import Preparation
+from iec61499.library import Library
+from iec61499.runtime.compile import compile_type
 from tests.support.iec61499.networks import Types, chart
 from tests.support.iec61499.served_device import DOUBLING, PATIENCE, ServedDevice, build
 

@@ -7,13 +7,13 @@ from pathlib import Path
 import pytest
 
 from dtwin.errors import FunctionBlockError
-from dtwin.iec61499.deploy.watched_trace import NEW, WatchedEvents, resource_blocks
-from dtwin.iec61499.device.managed_resource import WATCHES
-from dtwin.iec61499.library import Library
-from dtwin.iec61499.management.client import ManagementClient
-from dtwin.iec61499.model import FBNetwork
-from dtwin.iec61499.trace.ctf import TraceWriter, read_trace
-from dtwin.iec61499.trace.replay import replay
+from iec61499.deploy.watched_trace import NEW, WatchedEvents, resource_blocks
+from iec61499.device.managed_resource import WATCHES
+from iec61499.library import Library
+from iec61499.management.client import ManagementClient
+from iec61499.model import FBNetwork
+from iec61499.trace.ctf import TraceWriter, read_trace
+from iec61499.trace.replay import replay
 from tests.support.iec61499.served_device import DOUBLING, ServedDevice, build, wait_for
 
 SIZE = 1_000_000

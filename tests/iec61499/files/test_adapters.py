@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 from dtwin.errors import FunctionBlockError
-from dtwin.iec61499.deploy.plan import plan_deployment
-from dtwin.iec61499.library import Library
-from dtwin.iec61499.model import Connection
-from dtwin.iec61499.runtime.resource import Resource
+from iec61499.deploy.plan import plan_deployment
+from iec61499.library import Library
+from iec61499.model import Connection
+from iec61499.runtime.resource import Resource
 from tests.support.iec61499.networks import network
 
 ADAPTER = """<AdapterType Name="Valve"><InterfaceList>

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from dtwin.errors import FunctionBlockError
-from dtwin.iec61499.library import Library
-from dtwin.iec61499.runtime.resource import Resource
-from dtwin.iec61499.types import StructType
+from iec61499.library import Library
+from iec61499.runtime.resource import Resource
+from iec61499.types import StructType
 from tests.support.iec61499.networks import network
 
 POINT = """<DataType Name="Point"><StructuredType>

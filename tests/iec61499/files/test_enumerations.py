@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 
 from dtwin.errors import CommunicationError, FunctionBlockError
-from dtwin.iec61499.deploy.lua_export import export_type
-from dtwin.iec61499.library import Library
-from dtwin.iec61499.literals import format_literal, parse_literal
-from dtwin.iec61499.model import SimpleFBType
-from dtwin.iec61499.net.wire import MessageReader, Signature
-from dtwin.iec61499.runtime.resource import Resource
-from dtwin.iec61499.types import ArrayType, enumeration
+from iec61499.deploy.lua_export import export_type
+from iec61499.library import Library
+from iec61499.literals import format_literal, parse_literal
+from iec61499.model import SimpleFBType
+from iec61499.net.wire import MessageReader, Signature
+from iec61499.runtime.resource import Resource
+from iec61499.types import ArrayType, enumeration
 from tests.support.iec61499.networks import network
 
 COLOUR = enumeration("Colour", ("RED", "GREEN", "BLUE"), 1)

@@ -7,16 +7,16 @@ from pathlib import Path
 import pytest
 
 from dtwin.errors import FunctionBlockError
-from dtwin.iec61499.deploy.lua_export import export_type
-from dtwin.iec61499.deploy.plan import plan_deployment
-from dtwin.iec61499.inspection import inspect
-from dtwin.iec61499.library import Library
-from dtwin.iec61499.management.protocol import ManagedBlock
-from dtwin.iec61499.mapping import resource_network
-from dtwin.iec61499.model import SimpleFBType
-from dtwin.iec61499.native.layout import network_layout
-from dtwin.iec61499.native.unit import unit_of
-from dtwin.iec61499.runtime.resource import Resource
+from iec61499.deploy.lua_export import export_type
+from iec61499.deploy.plan import plan_deployment
+from iec61499.inspection import inspect
+from iec61499.library import Library
+from iec61499.management.protocol import ManagedBlock
+from iec61499.mapping import resource_network
+from iec61499.model import SimpleFBType
+from iec61499.native.layout import network_layout
+from iec61499.native.unit import unit_of
+from iec61499.runtime.resource import Resource
 from tests.support.iec61499.networks import network
 
 TOTAL = """PACKAGE plant;

@@ -7,11 +7,11 @@ import re
 import pytest
 
 from dtwin.errors import FunctionBlockError
-from dtwin.iec61499.files.systems import read_system
-from dtwin.iec61499.inspection import inspect
-from dtwin.iec61499.library import Library
-from dtwin.iec61499.mapping import resource_network
-from dtwin.iec61499.runtime.resource import Resource
+from iec61499.files.systems import read_system
+from iec61499.inspection import inspect
+from iec61499.library import Library
+from iec61499.mapping import resource_network
+from iec61499.runtime.resource import Resource
 from tests.support.iec61499.block_files import Write, line_of
 
 SYSTEM = """<?xml version="1.0" encoding="UTF-8"?>

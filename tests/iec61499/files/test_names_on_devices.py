@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 
 from dtwin.errors import FunctionBlockError
-from dtwin.iec61499.deploy.plan import plan_deployment
-from dtwin.iec61499.inspection import inspect
-from dtwin.iec61499.library import Library
-from dtwin.iec61499.management.bootfile import print_boot_file
-from dtwin.iec61499.mapping import device_network, resource_network
-from dtwin.iec61499.runtime.resource import Resource
+from iec61499.deploy.plan import plan_deployment
+from iec61499.inspection import inspect
+from iec61499.library import Library
+from iec61499.management.bootfile import print_boot_file
+from iec61499.mapping import device_network, resource_network
+from iec61499.runtime.resource import Resource
 from tests.support.iec61499.block_files import Write
 
 SYSTEM = """<System Name="S"><VersionInfo Version="1.0" Author="A"/>

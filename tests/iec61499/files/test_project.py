@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from dtwin.errors import FunctionBlockError
-from dtwin.iec61499.files.project import linked_folders
-from dtwin.iec61499.library import Library
-from dtwin.iec61499.mapping import resource_network
-from dtwin.iec61499.runtime.resource import Resource
+from iec61499.files.project import linked_folders
+from iec61499.library import Library
+from iec61499.mapping import resource_network
+from iec61499.runtime.resource import Resource
 from tests.support.iec61499.networks import network
 
 PROJECT = """<projectDescription><linkedResources>

@@ -12,12 +12,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dtwin.errors import FunctionBlockError
-from dtwin.iec61499 import model
-from dtwin.iec61499.files.block_types import read_type, split_condition, type_from_xml
-from dtwin.iec61499.files.xml import parse_xml
-from dtwin.iec61499.library import Library
-from dtwin.iec61499.runtime.resource import Resource
-from dtwin.iec61499.types import INT, LREAL, TIME, ArrayType
+from iec61499 import model
+from iec61499.files.block_types import read_type, split_condition, type_from_xml
+from iec61499.files.xml import parse_xml
+from iec61499.library import Library
+from iec61499.runtime.resource import Resource
+from iec61499.types import INT, LREAL, TIME, ArrayType
 from tests.support.iec61499.block_files import BASIC, Write, line_of
 
 

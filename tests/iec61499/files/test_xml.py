@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dtwin.errors import FunctionBlockError
-from dtwin.iec61499.files.block_types import read_type, type_from_xml
-from dtwin.iec61499.files.xml import MAXIMUM_DEPTH, MAXIMUM_SIZE, parse_xml
+from iec61499.files.block_types import read_type, type_from_xml
+from iec61499.files.xml import MAXIMUM_DEPTH, MAXIMUM_SIZE, parse_xml
 
 REFUSED = re.compile("entit|not well-formed|deeper than 64")
 BOMB = '<!DOCTYPE x [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;">]><FBType Name="&b;"/>'

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dtwin.errors import FunctionBlockError
-from dtwin.iec61499.management.bootfile import Command, load_boot_file, parse_boot_file, print_boot_file
-from dtwin.iec61499.management.protocol import (
+from iec61499.management.bootfile import Command, load_boot_file, parse_boot_file, print_boot_file
+from iec61499.management.protocol import (
     ManagedType,
     Request,
     RequestAction,

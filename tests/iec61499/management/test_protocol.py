@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dtwin.errors import CommunicationError
-from dtwin.iec61499.management.protocol import (
+from iec61499.management.protocol import (
     ManagedBlock,
     ManagedConnection,
     ManagedType,

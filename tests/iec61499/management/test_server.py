@@ -10,9 +10,9 @@ from contextlib import suppress
 import pytest
 
 from dtwin.controller.ports import EMULATOR
-from dtwin.iec61499.management.server import CLIENTS
-from dtwin.iec61499.net.address import StreamAddress
-from dtwin.iec61499.net.client import BlockingClient
+from iec61499.management.server import CLIENTS
+from iec61499.net.address import StreamAddress
+from iec61499.net.client import BlockingClient
 from tests.support.iec61499.hostile import drain, hostile, message, mutants, send
 from tests.support.iec61499.served_device import PATIENCE, ServedDevice, samples
 

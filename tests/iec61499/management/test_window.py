@@ -11,8 +11,8 @@ from contextlib import contextmanager, suppress
 import pytest
 
 from dtwin.errors import CommunicationError
-from dtwin.iec61499.management.client import ManagementClient, Step
-from dtwin.iec61499.management.protocol import (
+from iec61499.management.client import ManagementClient, Step
+from iec61499.management.protocol import (
     REQUEST_LIMIT,
     REQUESTS,
     RESPONSES,
@@ -26,9 +26,9 @@ from dtwin.iec61499.management.protocol import (
     parse_request,
     parse_response,
 )
-from dtwin.iec61499.net.address import LOOPBACK, Address
-from dtwin.iec61499.net.stream import UNSENT_LIMIT
-from dtwin.iec61499.net.wire import MessageReader
+from iec61499.net.address import LOOPBACK, Address
+from iec61499.net.stream import UNSENT_LIMIT
+from iec61499.net.wire import MessageReader
 from tests.support.iec61499.hostile import hostile, message
 from tests.support.iec61499.served_device import PATIENCE, ServedDevice, build
 

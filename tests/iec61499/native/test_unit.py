@@ -12,17 +12,17 @@ import pytest
 
 from dtwin.controller.ports import BLOCKS, EMULATOR, SYSTEM
 from dtwin.errors import CommunicationError, FunctionBlockError
-from dtwin.iec61499.library import Library
-from dtwin.iec61499.literals import parse_literal
-from dtwin.iec61499.mapping import resource_network
-from dtwin.iec61499.model import FBNetwork
-from dtwin.iec61499.native.build import unit_files
-from dtwin.iec61499.native.export import c_files
-from dtwin.iec61499.native.layout import network_layout
-from dtwin.iec61499.native.resource import NativeResource
-from dtwin.iec61499.native.unit import unit_of
-from dtwin.iec61499.runtime.resource import Resource
-from dtwin.iec61499.types import TIME
+from iec61499.library import Library
+from iec61499.literals import parse_literal
+from iec61499.mapping import resource_network
+from iec61499.model import FBNetwork
+from iec61499.native.build import unit_files
+from iec61499.native.export import c_files
+from iec61499.native.layout import network_layout
+from iec61499.native.resource import NativeResource
+from iec61499.native.unit import unit_of
+from iec61499.runtime.resource import Resource
+from iec61499.types import TIME
 from tests.support.iec61499.c_harness import needs_compiler
 from tests.support.iec61499.networks import Types, chart, network
 

@@ -12,14 +12,14 @@ from tempfile import TemporaryDirectory
 import pytest
 
 from dtwin.errors import CommunicationError
-from dtwin.iec61499.net.address import (
+from iec61499.net.address import (
     LONGEST_PATH,
     LocalAddress,
     parse_block_id,
     parse_listening_address,
     parse_stream_address,
 )
-from dtwin.iec61499.net.sockets import ListeningSocket, connected_socket
+from iec61499.net.sockets import ListeningSocket, connected_socket
 
 PATIENCE = 10.0
 

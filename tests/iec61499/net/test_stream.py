@@ -14,21 +14,21 @@ from typing import Any
 import pytest
 
 from dtwin.errors import CommunicationError
-from dtwin.iec61499.net.address import (
+from iec61499.net.address import (
     LOOPBACK,
     Address,
     StreamAddress,
     parse_address,
     parse_block_id,
 )
-from dtwin.iec61499.net.client import BlockingClient
-from dtwin.iec61499.net.reactor import READ, Reactor
-from dtwin.iec61499.net.sockets import connected_socket
-from dtwin.iec61499.net.stream import CANDIDATES, StreamListener, StreamServer
-from dtwin.iec61499.net.tcp import TcpClient
-from dtwin.iec61499.net.udp import UdpPublisher, UdpSubscriber
-from dtwin.iec61499.net.wire import Message, Signature
-from dtwin.iec61499.types import elementary
+from iec61499.net.client import BlockingClient
+from iec61499.net.reactor import READ, Reactor
+from iec61499.net.sockets import connected_socket
+from iec61499.net.stream import CANDIDATES, StreamListener, StreamServer
+from iec61499.net.tcp import TcpClient
+from iec61499.net.udp import UdpPublisher, UdpSubscriber
+from iec61499.net.wire import Message, Signature
+from iec61499.types import elementary
 from tests.support.waiting import until
 
 ANY_PORT = Address(LOOPBACK, 0)

@@ -13,9 +13,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dtwin.errors import CommunicationError
-from dtwin.iec61499.net.encoding import CUT, FIXED, UNITS
-from dtwin.iec61499.net.wire import MessageReader, Signature
-from dtwin.iec61499.types import (
+from iec61499.net.encoding import CUT, FIXED, UNITS
+from iec61499.net.wire import MessageReader, Signature
+from iec61499.types import (
     BOOL,
     ELEMENTARY,
     INT,

@@ -9,13 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dtwin.errors import FunctionBlockError
-from dtwin.iec61499 import model
-from dtwin.iec61499.runtime.entries import Entries, EntryGenerator
-from dtwin.iec61499.runtime.linking.linker import Linker, link
-from dtwin.iec61499.runtime.linking.netlist import Netlist, Terminal
-from dtwin.iec61499.runtime.operation import Operation
-from dtwin.iec61499.runtime.resource import Resource
-from dtwin.iec61499.standard.notation import interface
+from iec61499 import model
+from iec61499.runtime.entries import Entries, EntryGenerator
+from iec61499.runtime.linking.linker import Linker, link
+from iec61499.runtime.linking.netlist import Netlist, Terminal
+from iec61499.runtime.operation import Operation
+from iec61499.runtime.resource import Resource
+from iec61499.standard.notation import interface
 from tests.support.iec61499.networks import Types, chart, connections, network
 
 ADDER = chart(

@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dtwin.errors import FunctionBlockError
-from dtwin.iec61499 import model
-from dtwin.iec61499.runtime.resource import Resource
-from dtwin.iec61499.standard.notation import interface
+from iec61499 import model
+from iec61499.runtime.resource import Resource
+from iec61499.standard.notation import interface
 from tests.support.examples import examples
 from tests.support.iec61499.networks import Bench, Types, chart, network
 

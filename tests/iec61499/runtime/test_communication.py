@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 
 from dtwin.errors import CommunicationError, FunctionBlockError
-from dtwin.iec61499.library import Library
-from dtwin.iec61499.runtime.communication import CommunicationPort, LocalTransport
-from dtwin.iec61499.runtime.resource import Resource
+from iec61499.library import Library
+from iec61499.runtime.communication import CommunicationPort, LocalTransport
+from iec61499.runtime.resource import Resource
 from tests.support.iec61499.networks import Types, chart, network
 
 WORK = chart(

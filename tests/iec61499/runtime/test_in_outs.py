@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 
 from dtwin.errors import FunctionBlockError
-from dtwin.iec61499.deploy.lua_export import export_type
-from dtwin.iec61499.deploy.plan import plan_deployment
-from dtwin.iec61499.library import Library
-from dtwin.iec61499.model import SimpleFBType
-from dtwin.iec61499.runtime.resource import Resource
+from iec61499.deploy.lua_export import export_type
+from iec61499.deploy.plan import plan_deployment
+from iec61499.library import Library
+from iec61499.model import SimpleFBType
+from iec61499.runtime.resource import Resource
 from tests.support.iec61499.networks import network
 
 ADDER = """<FBType Name="Adder"><InterfaceList>

@@ -7,14 +7,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dtwin.errors import FunctionBlockError
-from dtwin.iec61499 import model
-from dtwin.iec61499.deploy.lua_export import export_type
-from dtwin.iec61499.library import Library
-from dtwin.iec61499.native.layout import network_layout
-from dtwin.iec61499.native.unit import unit_of
-from dtwin.iec61499.runtime import resource as runtime
-from dtwin.iec61499.runtime.resource import Resource
-from dtwin.iec61499.standard.notation import function, interface
+from iec61499 import model
+from iec61499.deploy.lua_export import export_type
+from iec61499.library import Library
+from iec61499.native.layout import network_layout
+from iec61499.native.unit import unit_of
+from iec61499.runtime import resource as runtime
+from iec61499.runtime.resource import Resource
+from iec61499.standard.notation import function, interface
 from tests.support.iec61499.networks import Types, chart, connections, network
 
 LOG = chart(

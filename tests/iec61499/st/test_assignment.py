@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from dtwin.iec61499.st.check import check_algorithm
-from dtwin.iec61499.st.parser import parse_algorithm
-from dtwin.iec61499.st.typed import CheckedAlgorithm
-from dtwin.iec61499.types import DINT, INT, STRING, ArrayType, DataType, Member, StructType, elementary
+from iec61499.st.check import check_algorithm
+from iec61499.st.parser import parse_algorithm
+from iec61499.st.typed import CheckedAlgorithm
+from iec61499.types import DINT, INT, STRING, ArrayType, DataType, Member, StructType, elementary
 from tests.support.iec61499.c_harness import needs_compiler, run_c
 from tests.support.iec61499.st_harness import LUA, run_lua, run_python, scope_of
 

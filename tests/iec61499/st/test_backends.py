@@ -6,10 +6,10 @@ from typing import Any
 
 from hypothesis import HealthCheck, given
 
-from dtwin.iec61499.st import ast
-from dtwin.iec61499.st.check import check_algorithm
-from dtwin.iec61499.st.parser import parse_algorithm
-from dtwin.iec61499.st.printer import print_algorithm
+from iec61499.st import ast
+from iec61499.st.check import check_algorithm
+from iec61499.st.parser import parse_algorithm
+from iec61499.st.printer import print_algorithm
 from tests.support.examples import examples
 from tests.support.iec61499.st_harness import LUA, run_exact, run_lua, run_python, same
 from tests.support.iec61499.st_programs import SCOPE, programs, states

@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 
 from dtwin.errors import FunctionBlockError
-from dtwin.iec61499.st.check import check_algorithm, check_expression
-from dtwin.iec61499.st.functions import conversion, widens
-from dtwin.iec61499.st.parser import parse_algorithm, parse_expression
-from dtwin.iec61499.types import BOOL, ELEMENTARY, LREAL, ArrayType, DataType
+from iec61499.st.check import check_algorithm, check_expression
+from iec61499.st.functions import conversion, widens
+from iec61499.st.parser import parse_algorithm, parse_expression
+from iec61499.types import BOOL, ELEMENTARY, LREAL, ArrayType, DataType
 from tests.support.iec61499.st_harness import check, scope_of
 
 TYPES: dict[str, str | DataType] = {

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from dtwin.errors import FunctionBlockError
-from dtwin.iec61499.types import INT, ArrayType
+from iec61499.types import INT, ArrayType
 from tests.support.iec61499.st_harness import LUA, check, run_lua, run_python, scope_of
 
 TYPES: dict[str, Any] = {

@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 
 from dtwin.errors import FunctionBlockError
-from dtwin.iec61499.literals import parse_duration, parse_literal
-from dtwin.iec61499.st.check import check_algorithm
-from dtwin.iec61499.st.parser import parse_algorithm
-from dtwin.iec61499.types import DINT, INT, TIME, ArrayType
+from iec61499.literals import parse_duration, parse_literal
+from iec61499.st.check import check_algorithm
+from iec61499.st.parser import parse_algorithm
+from iec61499.types import DINT, INT, TIME, ArrayType
 from tests.support.iec61499.networks import Bench, chart
 
 NAMES = (

@@ -12,9 +12,9 @@ from typing import Any
 import pytest
 
 from dtwin.errors import FunctionBlockError
-from dtwin.iec61499.st.check import check_algorithm
-from dtwin.iec61499.st.parser import parse_algorithm
-from dtwin.iec61499.st.typed import CheckedAlgorithm
+from iec61499.st.check import check_algorithm
+from iec61499.st.parser import parse_algorithm
+from iec61499.st.typed import CheckedAlgorithm
 from tests.support.iec61499.c_harness import COMPILER, run_c
 from tests.support.iec61499.st_harness import LUA, run_lua, run_python
 from tests.support.iec61499.st_oracle import Fault, equal, left_by

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from dtwin.errors import FunctionBlockError
-from dtwin.iec61499.st import ast, parser
-from dtwin.iec61499.st.parser import TreeBuilder, lark_parser, parse_algorithm, parse_expression
-from dtwin.iec61499.st.printer import print_algorithm, print_expression
+from iec61499.st import ast, parser
+from iec61499.st.parser import TreeBuilder, lark_parser, parse_algorithm, parse_expression
+from iec61499.st.printer import print_algorithm, print_expression
 
 
 def test_every_grammar_rule_has_a_handler() -> None:

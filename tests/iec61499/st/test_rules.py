@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 from dtwin.errors import FunctionBlockError
-from dtwin.iec61499.departures.structured_text import RULES, table
-from dtwin.iec61499.st.lua.translate import lua_source
-from dtwin.iec61499.st.typed import CheckedAlgorithm
 from dtwin.parameters import ROOT
+from iec61499.departures.structured_text import RULES, table
+from iec61499.st.lua.translate import lua_source
+from iec61499.st.typed import CheckedAlgorithm
 from tests.support.iec61499.c_harness import needs_compiler, run_c
 from tests.support.iec61499.st_harness import LUA, check, run_lua, run_python, scope_of
 

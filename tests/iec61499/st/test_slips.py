@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from dtwin.errors import FunctionBlockError
-from dtwin.iec61499.types import INT, ArrayType, DataType
+from iec61499.types import INT, ArrayType, DataType
 from tests.support.iec61499.st_harness import check
 
 TYPES: dict[str, str | DataType] = {

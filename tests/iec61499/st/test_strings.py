@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 
 from dtwin.errors import FunctionBlockError
-from dtwin.iec61499.literals import format_literal, parse_literal
-from dtwin.iec61499.net.wire import Signature
-from dtwin.iec61499.types import STRING, WSTRING, bytes_of, text_of
+from iec61499.literals import format_literal, parse_literal
+from iec61499.net.wire import Signature
+from iec61499.types import STRING, WSTRING, bytes_of, text_of
 from tests.support.iec61499.c_harness import needs_compiler, run_c
 from tests.support.iec61499.st_harness import LUA, check, run_lua, run_python, scope_of
 

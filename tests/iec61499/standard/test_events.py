@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from dtwin.iec61499.library import Library
-from dtwin.iec61499.runtime.resource import Resource
-from dtwin.iec61499.standard.catalogue import find_standard, standard_names
+from iec61499.library import Library
+from iec61499.runtime.resource import Resource
+from iec61499.standard.catalogue import find_standard, standard_names
 from tests.support.iec61499.networks import Bench, network
 
 

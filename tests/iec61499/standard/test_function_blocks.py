@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from dtwin.iec61499.library import Library
-from dtwin.iec61499.runtime.resource import Resource
+from iec61499.library import Library
+from iec61499.runtime.resource import Resource
 from tests.support.iec61499.networks import Bench, network
 
 

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from dtwin.errors import FunctionBlockError
-from dtwin.iec61499.library import Library
-from dtwin.iec61499.runtime.resource import Resource
+from iec61499.library import Library
+from iec61499.runtime.resource import Resource
 from tests.support.iec61499.networks import Bench, network
 
 

@@ -16,17 +16,17 @@ from hypothesis import strategies as st
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.runtime import Runtime, chosen, running
 from dtwin.errors import FunctionBlockError
-from dtwin.iec61499 import model
-from dtwin.iec61499.library import Library
-from dtwin.iec61499.mapping import resource_network
-from dtwin.iec61499.native.resource import NativeResource
-from dtwin.iec61499.runtime.resource import Resource
-from dtwin.iec61499.trace.ctf import LAYOUTS, TEXT, EventKind, Field, TraceWriter, encoding, read_trace
-from dtwin.iec61499.trace.recorder import Recorder
-from dtwin.iec61499.trace.replay import Replay, replay
 from dtwin.parameters import ROOT
 from dtwin.run.cell import Cell
 from dtwin.run.settings import CellSettings, sequence_of
+from iec61499 import model
+from iec61499.library import Library
+from iec61499.mapping import resource_network
+from iec61499.native.resource import NativeResource
+from iec61499.runtime.resource import Resource
+from iec61499.trace.ctf import LAYOUTS, TEXT, EventKind, Field, TraceWriter, encoding, read_trace
+from iec61499.trace.recorder import Recorder
+from iec61499.trace.replay import Replay, replay
 from tests.support.iec61499.c_harness import needs_compiler
 from tests.support.iec61499.networks import Types, chart, network
 

@@ -5,8 +5,8 @@ from contextlib import closing
 
 import pytest
 
-from dtwin.iec61499.net.address import LOOPBACK, Address
 from dtwin.services.parts.fence import fence_warning
+from iec61499.net.address import LOOPBACK, Address
 
 
 def listening(host: str) -> tuple[socket.socket, Address]:

@@ -9,16 +9,16 @@ from typing import Any
 
 import pytest
 
-from dtwin.iec61499.native import memory
-from dtwin.iec61499.native.build import FLAGS, compile_unit, compilers
-from dtwin.iec61499.native.heads import structures
-from dtwin.iec61499.native.unit import Unit
-from dtwin.iec61499.st.c.expressions import Places
-from dtwin.iec61499.st.c.names import c_name, declaration, size_of
-from dtwin.iec61499.st.c.translate import c_function
-from dtwin.iec61499.st.semantics import ITERATION_LIMIT
-from dtwin.iec61499.st.typed import CheckedAlgorithm
-from dtwin.iec61499.types import DataType, Member, StructType
+from iec61499.native import memory
+from iec61499.native.build import FLAGS, compile_unit, compilers
+from iec61499.native.heads import structures
+from iec61499.native.unit import Unit
+from iec61499.st.c.expressions import Places
+from iec61499.st.c.names import c_name, declaration, size_of
+from iec61499.st.c.translate import c_function
+from iec61499.st.semantics import ITERATION_LIMIT
+from iec61499.st.typed import CheckedAlgorithm
+from iec61499.types import DataType, Member, StructType
 
 COMPILER = next(compilers(), None)
 needs_compiler = pytest.mark.skipif(COMPILER is None, reason="no C compiler, neither cc nor the package ziglang")

@@ -7,9 +7,9 @@ import socket
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
-from dtwin.iec61499.management.protocol import REQUESTS
-from dtwin.iec61499.net.address import StreamAddress
-from dtwin.iec61499.net.sockets import connected_socket
+from iec61499.management.protocol import REQUESTS
+from iec61499.net.address import StreamAddress
+from iec61499.net.sockets import connected_socket
 from tests.support.iec61499.served_device import BOOT, PATIENCE
 
 

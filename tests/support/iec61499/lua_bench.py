@@ -9,9 +9,9 @@ import lupa.lua51
 import lupa.lua54
 import lupa.luajit21
 
-from dtwin.iec61499 import model
-from dtwin.iec61499.deploy.device_type import DeviceType
-from dtwin.iec61499.types import ArrayType
+from iec61499 import model
+from iec61499.deploy.device_type import DeviceType
+from iec61499.types import ArrayType
 
 INTERPRETERS: Final = {"Lua 5.1": lupa.lua51, "Lua 5.4": lupa.lua54, "LuaJIT 2.1": lupa.luajit21}
 _INPUT, _OUTPUT, _INTERNAL = 1 << 25, 1 << 26, 1 << 28

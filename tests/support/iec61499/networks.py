@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from dtwin.iec61499 import model
-from dtwin.iec61499.files.block_types import split_condition
-from dtwin.iec61499.library import Library
-from dtwin.iec61499.runtime.resource import Resource
-from dtwin.iec61499.standard.notation import interface, variables
+from iec61499 import model
+from iec61499.files.block_types import split_condition
+from iec61499.library import Library
+from iec61499.runtime.resource import Resource
+from iec61499.standard.notation import interface, variables
 
 
 class Types(Library):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hypothesis import strategies as st
 
-from dtwin.iec61499.management.protocol import (
+from iec61499.management.protocol import (
     ManagedBlock,
     ManagedConnection,
     ManagedType,

@@ -7,15 +7,15 @@ import threading
 from collections.abc import Callable
 from typing import Any
 
-from dtwin.iec61499.device.embedded import EmbeddedDevice
-from dtwin.iec61499.library import Library
-from dtwin.iec61499.management.client import ManagementClient
-from dtwin.iec61499.management.server import ManagementServer
-from dtwin.iec61499.net.address import LOOPBACK, Address, StreamAddress
-from dtwin.iec61499.net.client import BlockingClient
-from dtwin.iec61499.net.reactor import Reactor
-from dtwin.iec61499.net.wire import Signature
-from dtwin.iec61499.types import LREAL
+from iec61499.device.embedded import EmbeddedDevice
+from iec61499.library import Library
+from iec61499.management.client import ManagementClient
+from iec61499.management.server import ManagementServer
+from iec61499.net.address import LOOPBACK, Address, StreamAddress
+from iec61499.net.client import BlockingClient
+from iec61499.net.reactor import Reactor
+from iec61499.net.wire import Signature
+from iec61499.types import LREAL
 from tests.support.ports import free_port
 from tests.support.waiting import until
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from dtwin.iec61499.types import DINT, LREAL, ArrayType, DataType
+from iec61499.types import DINT, LREAL, ArrayType, DataType
 from tests.support.iec61499.st_harness import LUA, check, run_exact, run_lua, run_python, same, scope_of
 
 TYPES: dict[str, str | DataType] = {

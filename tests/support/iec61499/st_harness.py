@@ -12,14 +12,14 @@ import lupa.lua51
 import lupa.lua54
 import lupa.luajit21
 
-from dtwin.iec61499.st.check import check_algorithm
-from dtwin.iec61499.st.lua.helpers import lua_helpers
-from dtwin.iec61499.st.lua.translate import lua_source
-from dtwin.iec61499.st.parser import parse_algorithm
-from dtwin.iec61499.st.python.translate import compile_algorithm, python_source
-from dtwin.iec61499.st.semantics import ITERATION_LIMIT
-from dtwin.iec61499.st.typed import CheckedAlgorithm
-from dtwin.iec61499.types import ArrayType, DataType, elementary
+from iec61499.st.check import check_algorithm
+from iec61499.st.lua.helpers import lua_helpers
+from iec61499.st.lua.translate import lua_source
+from iec61499.st.parser import parse_algorithm
+from iec61499.st.python.translate import compile_algorithm, python_source
+from iec61499.st.semantics import ITERATION_LIMIT
+from iec61499.st.typed import CheckedAlgorithm
+from iec61499.types import ArrayType, DataType, elementary
 
 LUA = {"Lua 5.1": lupa.lua51, "Lua 5.4": lupa.lua54, "LuaJIT 2.1": lupa.luajit21}
 

@@ -13,8 +13,8 @@ from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any, Final
 
-from dtwin.iec61499.st import ast
-from dtwin.iec61499.types import BOOL, CHAR, DINT, ELEMENTARY, ArrayType, DataType, ElementaryType, StructType
+from iec61499.st import ast
+from iec61499.types import BOOL, CHAR, DINT, ELEMENTARY, ArrayType, DataType, ElementaryType, StructType
 from tests.support.iec61499.st_oracle_functions import DAY, call, convert, integer_divide, real, real_divide, wrap
 
 _PARTS: Final = {"X": 1, "B": 8, "W": 16, "D": 32}

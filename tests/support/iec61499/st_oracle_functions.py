@@ -9,7 +9,7 @@ import struct
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, Final
 
-from dtwin.iec61499.types import BOOL, ELEMENTARY, ElementaryType
+from iec61499.types import BOOL, ELEMENTARY, ElementaryType
 
 if TYPE_CHECKING:
     from tests.support.iec61499.st_oracle import Value

@@ -8,8 +8,8 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from dtwin.iec61499.st import ast
-from dtwin.iec61499.types import ArrayType, DataType, ElementaryType, elementary
+from iec61499.st import ast
+from iec61499.types import ArrayType, DataType, ElementaryType, elementary
 
 AT = ast.Position()
 SCOPE: dict[str, DataType] = {

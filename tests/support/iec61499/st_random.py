@@ -11,8 +11,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from dtwin.iec61499.literals import format_literal
-from dtwin.iec61499.types import ArrayType, DataType, ElementaryType, Member, StructType, elementary
+from iec61499.literals import format_literal
+from iec61499.types import ArrayType, DataType, ElementaryType, Member, StructType, elementary
 
 SMALL: Final = ("SINT", "INT", "DINT", "USINT", "UINT", "UDINT", "BYTE", "WORD", "DWORD", "REAL", "LREAL", "BOOL")
 LARGE: Final = ("LINT", "ULINT", "LWORD", "TIME", "TOD", "DATE", "DT")

@@ -9,12 +9,12 @@ from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
 from dtwin.errors import FunctionBlockError
-from dtwin.iec61499.st import ast
-from dtwin.iec61499.st.c.expressions import Places
-from dtwin.iec61499.st.c.translate import c_function
-from dtwin.iec61499.st.check import check_algorithm
-from dtwin.iec61499.st.printer import print_algorithm
-from dtwin.iec61499.types import BOOL, LREAL, STRING, ArrayType, DataType, Member, StructType
+from iec61499.st import ast
+from iec61499.st.c.expressions import Places
+from iec61499.st.c.translate import c_function
+from iec61499.st.check import check_algorithm
+from iec61499.st.printer import print_algorithm
+from iec61499.types import BOOL, LREAL, STRING, ArrayType, DataType, Member, StructType
 from tests.iec61499.st.test_semantics import EXPRESSIONS, LONG, STATEMENTS
 from tests.support.iec61499.c_harness import Program, needs_compiler, run_c
 from tests.support.iec61499.st_cases import TYPES, inf, nan

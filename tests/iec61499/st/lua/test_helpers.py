@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from dtwin.iec61499.st.lua.helpers import HELPERS, lua_helpers
+from iec61499.st.lua.helpers import HELPERS, lua_helpers
 from tests.support.iec61499.st_harness import LUA
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from dtwin.errors import FunctionBlockError
-from dtwin.iec61499.st.lua.translate import lua_source
+from iec61499.st.lua.translate import lua_source
 from tests.support.iec61499.st_cases import TYPES
 from tests.support.iec61499.st_harness import check
 

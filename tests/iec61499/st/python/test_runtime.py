@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dtwin.iec61499.st.python.helpers import COMMON, EXACT, FAST
+from iec61499.st.python.helpers import COMMON, EXACT, FAST
 
 
 def test_fast_and_exact_functions_have_the_same_names() -> None:

@@ -7,12 +7,12 @@ import math
 import pytest
 
 from dtwin.errors import FunctionBlockError
-from dtwin.iec61499.st.check import check_expression
-from dtwin.iec61499.st.lua.translate import lua_condition
-from dtwin.iec61499.st.parser import parse_expression
-from dtwin.iec61499.st.python.expressions import python_name
-from dtwin.iec61499.st.python.translate import CONDITION_GLOBALS, compile_algorithm, compile_condition, python_source
-from dtwin.iec61499.st.semantics import ITERATION_LIMIT
+from iec61499.st.check import check_expression
+from iec61499.st.lua.translate import lua_condition
+from iec61499.st.parser import parse_expression
+from iec61499.st.python.expressions import python_name
+from iec61499.st.python.translate import CONDITION_GLOBALS, compile_algorithm, compile_condition, python_source
+from iec61499.st.semantics import ITERATION_LIMIT
 from tests.support.iec61499.st_cases import SCOPE, TYPES, inf, results
 from tests.support.iec61499.st_harness import LUA, check, instance, run_lua, run_python, scope_of
 
