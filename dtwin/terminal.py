@@ -6,25 +6,17 @@ and the marks that turn the direction of writing, and rich would obey markup in 
 
 from __future__ import annotations
 
-import json
 import logging
 import math
 from typing import TYPE_CHECKING, Any
 
 import msgspec
 
+from iec61499.output import printable as printable
+
 if TYPE_CHECKING:
     from rich.table import Table
     from rich.text import Text
-
-
-def printable(text: str) -> str:
-    """A text in one line, with every character that cannot be seen in its place written as JSON escapes it.
-
-    A JSON text in one line stays the same JSON. What counts as visible is `str.isprintable`: letters, marks, digits,
-    punctuation, symbols and the space, but no control or format characters, separators or lone surrogates.
-    """
-    return text if text.isprintable() else "".join(c if c.isprintable() else json.dumps(c)[1:-1] for c in text)
 
 
 def as_text(text: str, style: str = "") -> Text:

@@ -103,7 +103,7 @@ def test_the_wheel_of_the_blocks_holds_all_of_them_and_needs_nothing_of_the_cell
     assert names == own - {"iec61499/pyproject.toml", "iec61499/README.md"}
     metadata = archive.read(next(name for name in archive.namelist() if name.endswith("/METADATA"))).decode()
     needed = {line.split()[1].partition(";")[0] for line in metadata.splitlines() if line.startswith("Requires-Dist")}
-    assert needed == {"lark", "lxml", "msgspec", "numpy", "tyro", "ziglang"}
+    assert needed == {"lark", "lxml", "msgspec", "numpy", "pytest", "tyro", "ziglang"}
 
 
 def test_the_citation_and_the_changes_name_the_version() -> None:

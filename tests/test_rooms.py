@@ -34,6 +34,7 @@ ALONE = "iec61499"
 """a distribution of its own, which imports nothing of the project"""
 SUBROOMS = [
     {f"{ALONE}.errors"},
+    {f"{ALONE}.output"},
     {f"{ALONE}.types"},
     {f"{ALONE}.literals"},
     {f"{ALONE}.model", f"{ALONE}.st"},
@@ -49,6 +50,8 @@ SUBROOMS = [
     {f"{ALONE}.management"},
     {f"{ALONE}.deploy", f"{ALONE}.inspection"},
     {f"{ALONE}.device"},
+    {f"{ALONE}.testing"},
+    {f"{ALONE}.commands"},
 ]
 """Inside the function blocks, from the ground up."""
 OWNERS = {"mujoco": "dtwin.emulation", "zenoh": "dtwin.bus", "rerun": "dtwin.view", "rerun_loader_mjcf": "dtwin.view"}

@@ -15,7 +15,7 @@ class Subcommand:
     """A subcommand.
 
     Attributes:
-        module: module under dtwin.commands that holds its options.
+        module: module that holds its options, under dtwin.commands unless its name begins with iec61499.
         options: class of the options there.
         summary: line of help.
         read: function that reads the options from the command line.
@@ -29,8 +29,13 @@ class Subcommand:
     @property
     def kind(self) -> type[Any]:
         """The class of the options, whose module is loaded."""
-        found: type[Any] = getattr(importlib.import_module(f"dtwin.commands.{self.module}"), self.options)
+        found: type[Any] = getattr(importlib.import_module(self.path), self.options)
         return found
+
+    @property
+    def path(self) -> str:
+        """The whole name of the module."""
+        return self.module if self.module.startswith("iec61499.") else f"dtwin.commands.{self.module}"
 
 
 GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
@@ -63,6 +68,7 @@ GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
     },
     "function blocks": {
         "fb check": Subcommand("blocks.library", "FbCheck", "check function-block files"),
+        "fb test": Subcommand("iec61499.commands.testing", "FbTest", "test function blocks"),
         "fb export": Subcommand("blocks.library", "FbExport", "write block types as Lua, or systems as boot files"),
         "fb run": Subcommand(
             "blocks.device", "FbRun", "serve function blocks as a device that management can build on"

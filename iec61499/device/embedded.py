@@ -73,6 +73,11 @@ class EmbeddedDevice:
         running = any(resource.state == "RUNNING" for resource in self._resources.values())
         return bool(self._checks.failed) or (self._failed and (self._is_test() or not running))
 
+    @property
+    def verdict(self) -> str:
+        """What the checks of the program have found, in one line."""
+        return str(self._checks) if self._checks.failed else "an error has ended a resource, which the log tells"
+
     def _is_test(self) -> bool:
         """Whether a resource has a block that ends a test."""
         return any(block.type_name == END for resource in self._resources.values() for block in resource.blocks())

@@ -133,6 +133,13 @@ class NativeResource:
         """The blocks, with dotted names, composites before what they contain."""
         return tuple(node.name for node in self._layout.netlist.nodes.values())
 
+    def block_type(self, name: str) -> model.FBType:
+        """The type of a block, its generic ports resolved. Raises FunctionBlockError for an unknown name."""
+        found = [node.type for node in self._layout.netlist.nodes.values() if node.name == name]
+        if not found or found[0] is None:
+            raise FunctionBlockError(f"unknown block {name!r}: expected {choices(self.names())}")
+        return found[0]
+
     def read(self, name: str) -> Any:
         """The value of a variable, `BLOCK.VARIABLE`; `BLOCK.$ECC` is the name of the chart's state.
 

@@ -171,14 +171,16 @@ class Blocks:
         except KeyError:
             raise FunctionBlockError(f"unknown block {name!r}: {_hint(name, list(self._index))}") from None
 
-    def _locate(self, name: str) -> tuple[int, model.Variable | None]:
-        block, _, variable = name.rpartition(".")
-        owner = block
+    def _owner(self, name: str) -> str:
+        """The block of a port; further names are those of an adapter, or of blocks inside a basic one."""
+        block = owner = name.rpartition(".")[0]
         while owner not in self._index and "." in owner:
             owner = owner.rpartition(".")[0]
-        if owner in self._index:
-            # further names are those of an adapter, or of blocks inside a basic one
-            block, variable = owner, name.removeprefix(f"{owner}.")
+        return owner if owner in self._index else block
+
+    def _locate(self, name: str) -> tuple[int, model.Variable | None]:
+        block = self._owner(name)
+        variable = name.removeprefix(f"{block}.")
         index = self._find(block)
         kind = self._types[index].block
         if variable == "$ECC" and isinstance(kind, model.BasicFBType):

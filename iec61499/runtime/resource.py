@@ -188,7 +188,8 @@ class Resource(Blocks):
         Raises:
             FunctionBlockError: there is no such event.
         """
-        block, _, name = event.rpartition(".")
+        block = self._owner(event)
+        name = event.removeprefix(f"{block}.")
         if self._operation.stops(block):
             return
         instance = self._instances[self._find(block)]

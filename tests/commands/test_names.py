@@ -72,9 +72,7 @@ def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_every_command_with_a_cell_is_in_the_table() -> None:
-    files = {
-        each.module: ROOT / "dtwin" / "commands" / f"{each.module.replace('.', '/')}.py" for each in COMMANDS.values()
-    }
+    files = {each.module: ROOT / f"{each.path.replace('.', '/')}.py" for each in COMMANDS.values()}
     with_cell = {module for module, file in files.items() if "    cell: str" in file.read_text()}
     assert with_cell | {"live.up", "live.settings"} == {COMMANDS[command].module for command in WORDS}
 

@@ -1,0 +1,35 @@
+"""The tests of blocks on docs/block-tools.md, as they stand there; and those of the project's own library."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[3]
+
+
+def test_the_tests_of_the_page_pass(tmp_path: Path) -> None:
+    page = (ROOT / "docs" / "block-tools.md").read_text()
+    for number, text in enumerate(re.findall(r"```python\n(.*?)```", page, re.DOTALL)):
+        (tmp_path / f"test_page_{number}.py").write_text(text)
+    (tmp_path / "EVENT_COUNTER.fbt").write_bytes((ROOT / "fb" / "EVENT_COUNTER.fbt").read_bytes())
+    assert "2 passed" in run_in(tmp_path, "test_page_0.py")
+
+
+def test_the_sequences_of_the_cell_execute_every_state_and_line_of_their_types(tmp_path: Path) -> None:
+    said = run_in(tmp_path, "--coverage", str(ROOT / "fb"))
+    assert "failed" not in said
+    total = re.search(r"^all +states (\d+)/(\d+)  transitions \d+/\d+  lines (\d+)/(\d+)$", said, re.MULTILINE)
+    assert total is not None
+    assert (total[1], total[3]) == (total[2], total[4])
+    assert int(total[3]) > 40
+
+
+def run_in(folder: Path, *words: str) -> str:
+    """What `fb test` says in a folder; it must pass."""
+    command = [sys.executable, "-m", "dtwin", "fb", "test", *words]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
