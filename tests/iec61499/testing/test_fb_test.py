@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 
 import pytest
 
+from iec61499 import model
 from iec61499.errors import FunctionBlockError
 from iec61499.library import Library
 from iec61499.testing import programs
@@ -116,7 +117,9 @@ def test_what_is_measured_computes_the_same_and_keeps_its_lines(tmp_path: Path) 
     write_counter(tmp_path)
     plain = Library([tmp_path]).find("COUNTER")
     measured = CoveredLibrary([tmp_path]).find("COUNTER")
-    assert instrumented(plain)[0] == measured  # type: ignore[arg-type]
-    before = [len(algorithm.source.text.split("\n")) for algorithm in plain.algorithms]  # type: ignore[union-attr]
-    after = [len(algorithm.source.text.split("\n")) for algorithm in measured.algorithms]  # type: ignore[union-attr]
+    assert isinstance(plain, model.BasicFBType)
+    assert isinstance(measured, model.BasicFBType)
+    assert instrumented(plain)[0] == measured
+    before = [len(algorithm.source.text.split("\n")) for algorithm in plain.algorithms]
+    after = [len(algorithm.source.text.split("\n")) for algorithm in measured.algorithms]
     assert after[: len(before)] == before
