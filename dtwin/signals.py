@@ -77,6 +77,7 @@ class EventKind(StrEnum):
     ROLL_BACK = "roll back"
     IDENTIFICATION = "identification"
     OPERATOR = "operator"
+    RECOVERY = "recovery"
     DISK = "disk"
     HELP = "help"
     PROPOSAL = "proposal"

@@ -52,10 +52,10 @@ from dtwin.services.parts.gate import STALE
 from dtwin.services.parts.missed.backlog import Kept, answers
 from dtwin.services.parts.recent import Backlog, Recent
 from dtwin.services.parts.state_file import StateFile, changed, to_message
+from dtwin.services.parts.stopping.stops import Stops
 from dtwin.services.parts.stopping.watchdog import Watchdog
 from dtwin.services.parts.strides import strides
 from dtwin.services.service import Link, Service, main
-from dtwin.services.stops import Stops
 from dtwin.signals import Event, EventKind, Sensors, Voltages
 from iec61499.net.address import StreamAddress, parse_stream_address
 

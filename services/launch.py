@@ -31,6 +31,7 @@ from dtwin.identification.store import STORE, ModelStore, model_path
 from dtwin.names import check_name
 from dtwin.options import arguments
 from dtwin.parameters import SOURCE
+from dtwin.recovery.modes import RecoveryMode
 from dtwin.run.loop import tick_count
 from dtwin.run.options import ArmOptions, CellFileOption, ControlOptions, PlantOptions
 from dtwin.run.settings import CellSettings, metadata, sequence_name
@@ -95,6 +96,8 @@ class CellOptions(PlantOptions, ControlOptions):
     """Start the simulation service too, which checks, uploads and watches new settings (dtwin upload, gains set)."""
     history: Path = HISTORY
     """History of the settings that the simulation service keeps."""
+    recovery: RecoveryMode | None = None
+    """Start the recovery service too: it proposes to people what is to be done about findings, or does it (act)."""
     console: bool = False
     """Start the operators' console too: a web page of the cell on this machine, whose address is printed."""
     recordings: Path | None = None
@@ -128,6 +131,10 @@ class CellOptions(PlantOptions, ControlOptions):
             raise ParameterError(f"--silence {self.silence:g}: expected a time above {ALARMING:g} s")
         if self.commissioned is not None and (self.model is not None or not self.monitoring):
             raise ParameterError("--commissioned: expected --monitoring too, and no --model beside it")
+        if self.recovery is not None and not (self.monitoring and self.identification and self.simulation):
+            raise ParameterError(
+                "--recovery: expected --monitoring, --identification and --simulation too, by which it works"
+            )
         scheme = self.controller.partition("://")[0]
         if scheme in ("forte", "tcp"):
             parse_address(self.controller, scheme)
@@ -227,6 +234,8 @@ class CellOptions(PlantOptions, ControlOptions):
         if self.simulation:
             history = ["--history", str(self.history.resolve())]
             programs.append(_service("simulation", [*link, *cell, *sequence, *record, *history]))
+        if self.recovery is not None:
+            programs.append(_service("recovery", [*link, *cell, *record, "--mode", self.recovery]))
         if self.console:
             programs.append(_service("console", [*link, *self._console_options(ports, console)]))
         programs.append(_service("emulator", [*link, *emulator, "--wait-for", "bridge"], leading=True))

@@ -11,7 +11,7 @@ from typing import Annotated, Final, Literal, NamedTuple
 import msgspec
 
 from dtwin.bus.controller.messages import IdentificationSignal, SettingsInForce, SettingsRequest, SignalRequest
-from dtwin.bus.proposals.messages import Look, LookRequest, Proposal, ProposalDecision, ProposalRequest
+from dtwin.bus.proposals.messages import AnswerRequest, Look, LookRequest, Proposal, ProposalDecision, ProposalRequest
 from dtwin.bus.twin_messages import (
     AcknowledgeRequest,
     DeskRequest,
@@ -345,6 +345,7 @@ ROLL_BACK: Final = Topic("twin/simulation/rollback", "query", RollBackRequest, U
 LOOK: Final = Topic("twin/simulation/look", "query", LookRequest, Look, "simulation")
 PROPOSE: Final = Topic("twin/simulation/propose", "query", ProposalRequest, Proposal, "simulation", patience=CHECKED)
 DECIDE_PROPOSAL: Final = Topic("twin/simulation/decide", "query", ProposalDecision, Proposal, "simulation")
+ANSWER: Final = Topic("twin/recovery/answer", "query", AnswerRequest, Done, "recovery")
 MONITORING: Final = Topic("twin/monitoring/verdict", "publication", MonitoringVerdict, None, "monitoring")
 ACKNOWLEDGE: Final = Topic(
     "twin/monitoring/acknowledge", "query", AcknowledgeRequest, MonitoringVerdict, "monitoring"
@@ -354,7 +355,7 @@ RESIDUALS: Final = Topic("twin/monitoring/residuals", "publication", MonitoringR
 TOPICS: Final = (
     *(SENSORS, VOLTAGES, ACTED, PATH, TRUTH, TICKS, EVENTS, STATUS, ALIVE),
     *(SETTINGS, SIGNAL, STOP, RELEASE, DESK, FAULT, RESET, LATCH, SAMPLE_BACKLOG, ANSWER_BACKLOG, SUMMARY),
-    *(IDENTIFICATION, IDENTIFY, DECIDE, UPLOAD, PREDICT, ROLL_BACK, LOOK, PROPOSE, DECIDE_PROPOSAL),
+    *(IDENTIFICATION, IDENTIFY, DECIDE, UPLOAD, PREDICT, ROLL_BACK, LOOK, PROPOSE, DECIDE_PROPOSAL, ANSWER),
     *(MONITORING, RESIDUALS, ACKNOWLEDGE, WATCH),
 )
 """All there is on the bus. `*` stands for the service's name; a query's sender is who answers it."""

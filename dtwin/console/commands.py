@@ -78,7 +78,7 @@ class Start(Form, frozen=True):
 
 
 class Seen(Form, frozen=True):
-    """A form that decides about a proposal of an AI as it was shown."""
+    """A form that decides about a proposal as it was shown."""
 
     number: Count
     digest: Word

@@ -29,6 +29,7 @@ def conditions(
     settings: Upload | None,
     age: float | None,
     watched: bool = True,
+    proposed: int = 0,
 ) -> tuple[Condition, ...]:
     """The abnormal conditions of a cell, the severe ones first.
 
@@ -39,10 +40,14 @@ def conditions(
         settings: settings in force.
         age: time since the last sample, s; None before the first one.
         watched: whether the monitor, if there is one, watches the arm.
+        proposed: number of proposals that wait for a person.
     """
     found = [*_found(services, stop, verdict, settings, age)]
     if not watched:
         found.append(Condition("unwatched", "service", "the monitor is stopped"))
+    if proposed:
+        several = f"{proposed} proposals wait" if proposed > 1 else "a proposal waits"
+        found.append(Condition("proposal", "trial", f"{several} for a person: look at Simulation"))
     return tuple(sorted(found, key=lambda found: not found.severe))
 
 

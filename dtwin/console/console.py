@@ -9,7 +9,7 @@ from typing import Any, Final
 import msgspec
 
 from dtwin.bus.messages import StopRequest
-from dtwin.bus.proposals.deciding import DOORS, decide
+from dtwin.bus.proposals.deciding import DOORS, decide, have_answered
 from dtwin.bus.proposals.messages import ProposalDecision
 from dtwin.bus.session import Bus
 from dtwin.bus.stopping import stop
@@ -29,6 +29,8 @@ from dtwin.errors import CommunicationError, DtwinError, ParameterError, Recordi
 log = logging.getLogger(__name__)
 
 NOT_YOURS: Final = "occupy the desk first"
+RECOVERY: Final = "recovery"
+"""The service that answers findings."""
 
 
 class You(msgspec.Struct, frozen=True, tag_field="tell", tag="you"):
@@ -181,7 +183,8 @@ class Console:
             trouble = f"; the torque is off, because: {stopped.trouble}" if stopped.trouble else ""
             return Answer(True, words(stopped.state) + trouble, msgspec.to_builtins(stopped.state))
         if isinstance(message, ProposalDecision):
-            decided = decide(self._bus, message, DOORS)
+            doors = {**DOORS, "answer": have_answered} if self.hub.is_here(RECOVERY) else DOORS
+            decided = decide(self._bus, message, doors)
             return Answer(True, f"proposal {decided.number} is {decided.state}; {decided.outcome}".removesuffix("; "))
         assert command.topic.reply is not None
         reply: Any = self._bus.ask(command.topic, message, command.topic.reply)

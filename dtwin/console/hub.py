@@ -66,7 +66,14 @@ EVENTS_KEPT: Final = 60
 """Number of the last events that pages are told."""
 NEWS: Final = frozenset(
     {
-        *(EventKind.OPERATOR, EventKind.STOP, EventKind.UPLOAD, EventKind.CONFIRM, EventKind.ROLL_BACK),
+        *(
+            EventKind.OPERATOR,
+            EventKind.RECOVERY,
+            EventKind.STOP,
+            EventKind.UPLOAD,
+            EventKind.CONFIRM,
+            EventKind.ROLL_BACK,
+        ),
         EventKind.PROPOSAL,
     }
 )
@@ -212,7 +219,7 @@ class Hub:
         verdict = None if unwatched else self._opinion.current(self._clocks.steady())
         identification = self._of("identification", IdentificationState)
         look = self._of("simulation", Look)
-        settings = None if look is None else look.settings
+        settings, proposals = (None, ()) if look is None else (look.settings, look.proposals)
         states = [health.state for health in services.values()]
         held = self._colours[1] if self._acted is not None and self._acted.box_gripped else ""
         waiting = self._colours[0]
@@ -230,10 +237,18 @@ class Hub:
             watch=watch,
             identification=identification,
             settings=settings,
-            proposals=() if look is None else look.proposals,
+            proposals=proposals,
             places=spots(self.task),
             events=tuple(self._events),
-            conditions=conditions(services, self._stop, verdict, settings, self.age, watch is None or watch.running),
+            conditions=conditions(
+                services,
+                self._stop,
+                verdict,
+                settings,
+                self.age,
+                watch is None or watch.running,
+                sum(each.state == "open" for each in proposals),
+            ),
         )
 
     def fresh_events(self) -> list[Event]:

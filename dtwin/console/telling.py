@@ -121,7 +121,7 @@ class CellState(msgspec.Struct, frozen=True, tag_field="tell", tag="state"):
         watch: whether the monitor watches, and what with; None without one.
         identification: state of the identification; None without that service.
         settings: settings in force; None without the simulation service.
-        proposals: the newest proposals of an AI, oldest first.
+        proposals: the newest proposals of recovery and of an AI, oldest first.
         places: places of the cell by name.
         events: last events, oldest first.
         conditions: what is abnormal now, the gravest first.

@@ -71,7 +71,7 @@ class Desk:
         over: tells whether the cell has ended; asked all the time.
         progress: told the plant time, s.
         end: plant time after which nothing is waited for any more, s.
-        who: name in the history of what is uploaded.
+        who: name in the history of what is uploaded, and kind of the events that tell what is done.
 
     Attributes:
         time: plant time of the newest message, s.
@@ -93,7 +93,8 @@ class Desk:
         end: float = math.inf,
         who: str = NAME,
     ) -> None:
-        self._who = who
+        self._name = self._who = who
+        self._reason = ""
         self.time = 0.0
         self.end = end
         self.findings: dict[str, MonitoredUnit] = {}
@@ -148,7 +149,21 @@ class Desk:
 
     def say(self, text: str) -> None:
         """Tells what the operator thinks or does, in an event."""
-        self._tell(Event(self.time, NAME, text[:1000]))
+        self._tell(Event(self.time, self._name, text[:1000]))
+
+    @contextlib.contextmanager
+    def on_behalf(self, who: str, reason: str) -> Iterator[None]:
+        """Lets what is uploaded and stopped meanwhile stand in the history under the name of a person who decided it.
+
+        Args:
+            who: name of the person.
+            reason: what was decided, before the reason of each change.
+        """
+        self._who, self._reason = who, f"{reason}: "
+        try:
+            yield
+        finally:
+            self._who, self._reason = self._name, ""
 
     def upload(
         self,
@@ -178,7 +193,7 @@ class Desk:
         version = self._settled().version
         request = UploadRequest(
             self._who,
-            why[:1000],
+            f"{self._reason}{why}"[:1000],
             version,
             gains,
             target_time,
@@ -219,7 +234,7 @@ class Desk:
             CommunicationError: nobody stops the arm.
         """
         try:
-            stop = self.bus.ask(STOP, StopRequest(self._who, why[:1000], state), StopState).stop
+            stop = self.bus.ask(STOP, StopRequest(self._who, f"{self._reason}{why}"[:1000], state), StopState).stop
             if stop == "none":
                 raise CommunicationError(f"the blocks do not stop the arm: {why}")
         except CommunicationError:
@@ -251,7 +266,8 @@ class Desk:
                 raise Tripped(self.tripped.text)
 
     def _note_stop(self, event: Event) -> None:
-        """Notes the first event of a stop that the operator did not ask for."""
+        """Notes the first event of a stop that the operator did not ask for; a released arm is stopped no more."""
         if event.kind == EventKind.STOP:
             over = event.text.startswith(RELEASED)
             self.tripped = None if over or self.stopped else self.tripped or event
+            self.stopped &= not over

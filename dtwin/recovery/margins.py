@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import product
 from typing import Final
@@ -12,6 +12,7 @@ from dtwin.controller.settings import ControlSettings, Law
 from dtwin.errors import ParameterError
 from dtwin.identification.machine.record import MachineRecord
 from dtwin.parameters import ArmParameters, Gains
+from dtwin.recovery.strength import Strength
 from dtwin.recovery.tuning import STIFFER, Expect, Tuned, search, stiffened, times
 from dtwin.simulation.checks import Checker
 from dtwin.simulation.proposal import tolerated
@@ -29,7 +30,7 @@ def settings_for_late(
     arm: ArmParameters,
     record: MachineRecord | None,
     heaviest: float,
-    usual: Mapping[str, float],
+    strength: Strength,
     expect: Expect,
     reference: Sequence[PredictedMotion],
 ) -> Tuned:
@@ -41,7 +42,7 @@ def settings_for_late(
         arm: arm as it is known.
         record: record of an arm that does not obey the equations of motion.
         heaviest: mass of the heaviest box, kg.
-        usual: what holding the healthy arm takes at each place, see `beyond_strength`.
+        strength: what holding the healthy arm takes.
         expect: tells what to expect of settings though commands are late.
         reference: what the healthy arm's motions are expected to be.
 
@@ -49,7 +50,7 @@ def settings_for_late(
         ParameterError: no gains have the margins.
     """
     gains = gains_with_margins(settings, arm, record, LATE)
-    return search(arm, heaviest, usual, expect, gains, settings.target_time, reference, stiffer=(1.0,))
+    return search(arm, heaviest, strength, expect, gains, settings.target_time, reference, stiffer=(1.0,))
 
 
 def control_settings(upload: Upload, record: MachineRecord | None) -> ControlSettings:

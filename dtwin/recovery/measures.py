@@ -19,19 +19,18 @@ from dtwin.bus.twin_messages import (
 )
 from dtwin.controller.bounds import ENCODER_OFFSETS
 from dtwin.errors import ParameterError
-from dtwin.identification.machine.record import USUAL_BOX, MachineRecord
+from dtwin.identification.machine.record import MachineRecord
 from dtwin.monitoring.kinds import parse_fault_id
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters, Gains, Triple, scaled, symbol_of
 from dtwin.recovery.answers import Measure
 from dtwin.recovery.desk import Desk, Over
 from dtwin.recovery.margins import LATE, control_settings, gains_with_margins, settings_for_late, stiffer_with_margins
 from dtwin.recovery.refit import estimated, refitted
-from dtwin.recovery.strength import beyond_strength, holding
+from dtwin.recovery.strength import Strength
 from dtwin.recovery.tuning import BOUND, Ability, Expect, Tuned, search, worst_ratio
 from dtwin.simulation.proposal import controllable
+from dtwin.task import DEFAULT_TASK, Task
 
-BOXES: Final = (USUAL_BOX, 0.21)
-"""kg, the usual box and the heaviest"""
 PRECISE: Final = 0.0005
 """rad, standard deviation of an offset that is good enough to be taken off"""
 ROUGH: Final = 0.05
@@ -81,8 +80,10 @@ class Measures:
         healthy: the arm as it was identified.
         record: record of the arm if it is none that obeys the equations of motion: it says what the arm has beside
             its parameters, of which model the controller has to be, and how a box moves on it.
+        task: task of the cell.
 
     Attributes:
+        boxes: masses of the usual box and of the heaviest one, kg.
         offsets: plant time (s) of every upload of encoder offsets, and the offsets (rad).
 
     All methods raise CommunicationError when a service refuses or takes settings back, TooWeak when no settings help,
@@ -90,12 +91,15 @@ class Measures:
     desk is over, and Grave when something else stops the arm.
     """
 
-    def __init__(self, desk: Desk, healthy: ArmParameters, record: MachineRecord | None = None) -> None:
+    def __init__(
+        self, desk: Desk, healthy: ArmParameters, record: MachineRecord | None = None, task: Task = DEFAULT_TASK
+    ) -> None:
+        self.boxes = usual_boxes(task)
         self.offsets: list[tuple[float, Triple]] = []
         self._desk = desk
         self._arm, self._record = healthy, record
         self._load = (record and record.load) or 1.0
-        self._usual = holding(healthy, self._load * max(BOXES))
+        self._strength = Strength.of(healthy, self._load * max(self.boxes), task)
         self._befores: dict[str, tuple[float, dict[str, float]]] = {}
         self._reference: list[PredictedMotion] = []
         self._followed = 0
@@ -114,8 +118,13 @@ class Measures:
         if not np.allclose(in_force.model.vector(), model.vector(), rtol=SAME, atol=0.0):
             in_force = self._desk.upload("the model identified of the healthy arm", model=model, arm=self._arm)
             self._desk.confirm(in_force)
-        self._reference = self._expect(PredictionRequest(arm=self._arm))
+        self.refer()
         return in_force.time
+
+    def refer(self) -> list[PredictedMotion]:
+        """What to expect of the arm as it is known with the settings in force, by which later ones are measured."""
+        self._reference = self._expect(PredictionRequest(arm=self._arm))
+        return self._reference
 
     def take(self, measure: Measure, found: Sequence[MonitoredUnit]) -> Taken:
         """Takes a measure against findings that ask for it."""
@@ -164,7 +173,7 @@ class Measures:
         def expect(gains: Gains, target_time: float) -> list[PredictedMotion]:
             return self._expect(PredictionRequest(gains, target_time, model=model, arm=arm))
 
-        weak = bool(self._beyond_strength(arm, max(BOXES)))
+        weak = bool(self._beyond_strength(arm, max(self.boxes)))
         now = msgspec.structs.replace(in_force, model=model)
         gains = in_force.gains if weak else self._with_margins(arm, in_force, now)
         lower = gains != in_force.gains
@@ -172,7 +181,7 @@ class Measures:
         uploaded = desk.upload("the arm has changed", model=model, arm=arm) if able else None
         states = (now,) if able else (in_force, now)
         stiffer = (1.0,) if weak or lower else self._stiffer(arm, *states)
-        tuned = self._tuned(msgspec.structs.replace(in_force, gains=gains), arm, BOXES, expect, stiffer)
+        tuned = self._tuned(msgspec.structs.replace(in_force, gains=gains), arm, self.boxes, expect, stiffer)
         changes = (tuned.gains, tuned.target_time) != (in_force.gains, in_force.target_time)
         if uploaded is None:
             if changes:
@@ -209,7 +218,7 @@ class Measures:
         """Settings with which an arm works with boxes of some masses (kg)."""
         heaviest = max(boxes)
         load, gains, time = self._load * heaviest, in_force.gains, in_force.target_time
-        tuned = search(arm, load, self._usual, expect, gains, time, self._reference, stiffer)
+        tuned = search(arm, load, self._strength, expect, gains, time, self._reference, stiffer)
         if not tuned.works:
             places = ", ".join(self._beyond_strength(arm, heaviest))
             held = f", it cannot hold a box of {1e3 * heaviest:.0f} g at {places}" if places else ""
@@ -218,7 +227,7 @@ class Measures:
 
     def _beyond_strength(self, arm: ArmParameters, box: float) -> list[str]:
         """The places at which an arm cannot hold a box (kg)."""
-        return beyond_strength(arm, self._load * box, self._usual)
+        return self._strength.beyond(arm, self._load * box)
 
     def _tune(self, tuned: Tuned, in_force: Upload, arm: ArmParameters) -> Upload:
         stiffer, slower = tuned.gains.kp[0] / in_force.gains.kp[0], tuned.target_time / in_force.target_time
@@ -290,7 +299,7 @@ class Measures:
         if abs(mass - in_force.payload) <= SAME_MASS:
             desk.say(f"the controller counts on {1e3 * in_force.payload:.0f} g already")
             return Taken(None, values)
-        boxes = (mass, mass + max(BOXES) - BOXES[0])
+        boxes = (mass, mass + max(self.boxes) - self.boxes[0])
         heavier = msgspec.structs.replace(in_force, payload=mass)
         weak = bool(self._beyond_strength(self._arm, max(boxes)))
         gains = in_force.gains if weak else self._with_margins(self._arm, in_force, heavier)
@@ -326,7 +335,7 @@ class Measures:
     def _mean_box(self) -> float:
         """Mean mass of all boxes that differed, kg."""
         boxes = self._desk.boxes
-        return BOXES[0] + sum(boxes.values()) / len(boxes) / self._load
+        return self.boxes[0] + sum(boxes.values()) / len(boxes) / self._load
 
     def _stand_delay(self, found: Sequence[MonitoredUnit]) -> Taken:
         """Lowers the gains until the loop has its margins with the delay, and the speed until the arm tracks well."""
@@ -339,7 +348,7 @@ class Measures:
         try:
             known = control_settings(in_force, self._record)
             tuned = settings_for_late(
-                known, self._arm, self._record, self._load * max(BOXES), self._usual, expect, self._reference
+                known, self._arm, self._record, self._load * max(self.boxes), self._strength, expect, self._reference
             )
         except ParameterError as error:
             raise TooWeak(str(error)) from None
@@ -352,17 +361,22 @@ class Measures:
         desk.confirm(upload)
         return Taken(upload.time, {})
 
-    def _expect(self, request: PredictionRequest, boxes: Sequence[float] = BOXES) -> list[PredictedMotion]:
+    def _expect(self, request: PredictionRequest, boxes: Sequence[float] | None = None) -> list[PredictedMotion]:
         """What simulation expects of all motions, with boxes of some masses (kg), on the arm as it is known."""
         return [
             motion
-            for box in boxes
+            for box in boxes or self.boxes
             for motion in self._desk.bus.ask(
                 PREDICT,
                 msgspec.structs.replace(request, box=self._load * box, late=self._desk.late),
                 Predicted,
             ).motions
         ]
+
+
+def usual_boxes(task: Task) -> tuple[float, float]:
+    """Masses of the usual box and of the heaviest one, kg."""
+    return task.boxes.middle, task.boxes.heaviest
 
 
 def _expected(tuned: Tuned) -> str:

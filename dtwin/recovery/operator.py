@@ -7,7 +7,7 @@ what leaves the arm too weak for its boxes, stops the arm, and a person is told 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple
 
 from dtwin.bus.twin_messages import MonitoredUnit, MonitoringVerdict
@@ -15,7 +15,7 @@ from dtwin.errors import CommunicationError, ParameterError
 from dtwin.monitoring.kinds import PUSH, SLIP, arm_state, parse_fault_id
 from dtwin.recovery.answers import MEASURES, Answer, Measure, answer_to, order
 from dtwin.recovery.desk import Desk, Grave, Late, Over, TakenBack, Tripped, Unsure
-from dtwin.recovery.measures import BOXES, Measures, Taken, TooWeak
+from dtwin.recovery.measures import Measures, Taken, TooWeak
 from dtwin.signals import MONITOR, Event
 
 SETTLING: Final = 1.0
@@ -53,6 +53,9 @@ class Operator:
     Args:
         desk: place at the bus of the cell.
         measures: measures at that cell, which have begun.
+        propose: has a person decide about a measure against findings; the operator takes it itself if None. What is
+            approved comes by `take`. A stop waits for nobody.
+        look: called after every verdict.
 
     Attributes:
         steps: what has been begun, in order.
@@ -60,7 +63,13 @@ class Operator:
         trouble: why not all was done, "" if it was.
     """
 
-    def __init__(self, desk: Desk, measures: Measures) -> None:
+    def __init__(
+        self,
+        desk: Desk,
+        measures: Measures,
+        propose: Callable[[Measure, Sequence[MonitoredUnit]], None] | None = None,
+        look: Callable[[], None] = lambda: None,
+    ) -> None:
         self.steps: list[Step] = []
         self.findings: list[MonitoredUnit] = []
         self.trouble = ""
@@ -68,6 +77,8 @@ class Operator:
         self._measures = measures
         self._dealt: dict[str, float] = {}
         self._again: dict[str, float] = {}
+        self._propose = propose
+        self._look = look
 
     def watch(self) -> None:
         """Answers all that is found, until the arm is stopped or the time of the desk is over."""
@@ -93,6 +104,7 @@ class Operator:
             if isinstance(message, MonitoringVerdict):
                 self._deal()
                 self._measures.follow_boxes()
+                self._look()
 
     def _hear(self, event: Event) -> None:
         """Tells of a push, which is over by then, also while something else is being answered."""
@@ -115,8 +127,9 @@ class Operator:
         # A slip is over once the gripper has opened, and a box that has been put down tells of the next ones.
         over = {name: unit for name, unit in first.items() if _measure(unit) in _LASTING}
         found_now = {**over, **self._new()}
-        new = [unit for unit in found_now.values() if not _kept(unit)]
-        for unit in filter(_kept, found_now.values()):
+        kept = [unit for unit in found_now.values() if _kept(unit, self._measures.boxes[0])]
+        new = [unit for unit in found_now.values() if unit not in kept]
+        for unit in kept:
             self._dealt[unit.parameter] = unit.detected
             desk.say(f"slip is none: the box has lost {1e3 * _most_lost(unit):.0f} g at most")
         # What changes nothing is said at once: it may be over before anything else has been answered.
@@ -134,23 +147,68 @@ class Operator:
         self._dealt |= {unit.parameter: unit.detected for unit in found}
         self.findings += found
         self._say_why(" and ".join(names), answer_to(parse_fault_id(names[0])))
-        step = self._begin(measure, names)
         if measure == "go on":
-            return
+            self._begin(measure, names)
+        elif self._propose is not None:
+            self._propose(measure, found)
+        else:
+            self._take(measure, found)
+
+    def take(self, names: Sequence[str], who: str, reason: str) -> str:
+        """Answers findings as a person has approved, and tells what came of it.
+
+        Args:
+            names: what the findings name, which ask for one measure.
+            who: name of the person.
+            reason: what was approved.
+
+        Raises:
+            ParameterError: one of them stands no more, or they ask for different measures.
+            Late, Grave, Tripped, CommunicationError: as the measures do.
+        """
+        standing = self._desk.findings
+        if missing := [name for name in names if name not in standing]:
+            raise ParameterError(f"nothing settled is found of {' and '.join(missing)} any more")
+        found = [standing[name] for name in names]
+        asked = {_measure(unit) for unit in found}
+        if len(asked) != 1:
+            raise ParameterError(f"expected findings that ask for one measure, got {' and '.join(sorted(asked))}")
+        measure = asked.pop()
+        if measure == "go on":
+            return answer_to(parse_fault_id(names[0])).why
+        self._dealt |= {unit.parameter: unit.detected for unit in found}
+        with self._desk.on_behalf(who, reason):
+            return self._take(measure, found)
+
+    def forget(self, names: Sequence[str]) -> None:
+        """Lets findings that stand be answered once more."""
+        for name in names:
+            self._dealt.pop(name, None)
+
+    def pass_over(self) -> list[str]:
+        """Leaves the findings that stand now to others; what they name."""
+        self._dealt |= {name: unit.detected for name, unit in self._desk.findings.items()}
+        return list(self._desk.findings)
+
+    def _take(self, measure: Measure, found: Sequence[MonitoredUnit]) -> str:
+        """Takes a measure against findings, and tells what came of it."""
+        fault = parse_fault_id(found[0].parameter)
+        step = self._begin(measure, tuple(unit.parameter for unit in found))
         try:
             taken = self._measures.take(measure, found)
         except TooWeak as weak:
-            fault = parse_fault_id(names[0])
-            self._stop(found, f"{fault.where}: {weak}", order(fault))
+            return self._stop(found, f"{fault.where}: {weak}", order(fault))
         except Unsure as doubt:
-            self._stop(found, f"{doubt}: too doubtful to change the model", FIND_OUT)
+            return self._stop(found, f"{doubt}: too doubtful to change the model", FIND_OUT)
         except TakenBack as error:
             self._try_again(found, error)
+            return str(error)
         except Over as over:
             self._desk.say(f"goes on: {over}")
             self._drop(step)
-        else:
-            self.steps[step] = self.steps[step]._replace(taken=taken)
+            return str(over)
+        self.steps[step] = self.steps[step]._replace(taken=taken)
+        return "uploaded, and its trial passed" if taken.uploaded is not None else "the settings in force can stay"
 
     def _drop(self, step: int) -> None:
         """Ends a step without a change; what the monitor has found of the joint instead is answered by itself."""
@@ -170,14 +228,15 @@ class Operator:
             del self._dealt[name]
         self._desk.say(f"{error}; tries once more")
 
-    def _stop(self, found: Sequence[MonitoredUnit], why: str, todo: str) -> None:
-        """Stops the arm for findings; what nobody stops it for is answered again."""
+    def _stop(self, found: Sequence[MonitoredUnit], why: str, todo: str) -> str:
+        """Stops the arm for findings, and tells why; what nobody stops it for is answered again."""
         names = tuple(unit.parameter for unit in found)
         for name in names:
             self._dealt.pop(name, None)
         self._desk.stop(arm_state(parse_fault_id(names[0])), f"{why}: {todo}")
         self._dealt |= {unit.parameter: unit.detected for unit in found}
         self._begin("stop", names)
+        return f"the arm is stopped: {why}: {todo}"
 
     def _halt(self, found: MonitoredUnit) -> None:
         """Stops the arm; if nobody does it, the next verdict asks again."""
@@ -218,9 +277,9 @@ def _measure(unit: MonitoredUnit) -> Measure:
     return answer_to(parse_fault_id(unit.parameter)).measure
 
 
-def _kept(unit: MonitoredUnit) -> bool:
-    """Whether a box that is said to have slipped weighs nearly what it did: then there is nothing to pick up."""
-    return unit.parameter == SLIP and _most_lost(unit) < LOST * BOXES[0]
+def _kept(unit: MonitoredUnit, usual: float) -> bool:
+    """Whether a box (kg) that is said to have slipped weighs nearly what it did: then there is nothing to pick up."""
+    return unit.parameter == SLIP and _most_lost(unit) < LOST * usual
 
 
 def _most_lost(unit: MonitoredUnit) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -32,11 +33,28 @@ def holding(arm: ArmParameters, payload: float, task: Task = DEFAULT_TASK) -> di
     }
 
 
-def beyond_strength(arm: ArmParameters, payload: float, usual: Mapping[str, float]) -> list[str]:
-    """The names of the places at which the arm cannot be held with RESERVE, nor with what the healthy arm has left.
+@dataclass(frozen=True)
+class Strength:
+    """What the healthy arm of a cell needs to hold its heaviest box, by which a changed one is judged.
 
-    Args:
-        arm, payload: as for `holding`.
-        usual: what the healthy arm needs with its heaviest box, see `holding`.
+    Attributes:
+        usual: share of the voltage limit at each place, by its name; see `holding`.
+        task: task of the cell, which says where the places are.
     """
-    return [name for name, share in holding(arm, payload).items() if share > max(1.0 - RESERVE, usual[name])]
+
+    usual: Mapping[str, float]
+    task: Task
+
+    @classmethod
+    def of(cls, healthy: ArmParameters, heaviest: float, task: Task = DEFAULT_TASK) -> Strength:
+        """That of a healthy arm with its heaviest box (kg)."""
+        return cls(holding(healthy, heaviest, task), task)
+
+    def beyond(self, arm: ArmParameters, payload: float) -> list[str]:
+        """The names of the places at which an arm cannot be held with RESERVE, nor with what the healthy has left.
+
+        Args:
+            arm, payload: as for `holding`.
+        """
+        shares = holding(arm, payload, self.task)
+        return [name for name, share in shares.items() if share > max(1.0 - RESERVE, self.usual[name])]

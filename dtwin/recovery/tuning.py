@@ -6,13 +6,13 @@ The search asks what to expect of settings, whether the simulation service answe
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Final, Literal, NamedTuple
 
 from dtwin.bus.twin_messages import PredictedMotion
 from dtwin.parameters import ArmParameters, Gains, Triple
-from dtwin.recovery.strength import beyond_strength
+from dtwin.recovery.strength import Strength
 
 SLOWER: Final = (1.0, 1.1, 1.25, 1.5, 2.0, 3.0)
 """Factors on the target time that are tried, in this order."""
@@ -76,7 +76,7 @@ class _Tried(NamedTuple):
 def search(
     arm: ArmParameters,
     heaviest: float,
-    usual: Mapping[str, float],
+    strength: Strength,
     expect: Expect,
     gains: Gains,
     target_time: float,
@@ -92,15 +92,15 @@ def search(
     Args:
         arm: arm as it is known.
         heaviest: mass of its heaviest box, kg.
-        usual: what holding the healthy arm takes at each place, see `beyond_strength`.
+        strength: what holding the healthy arm takes.
         expect: tells what to expect of settings.
         gains: gains in force.
         target_time: target time in force, s.
         reference: what the healthy arm's motions are expected to be with the settings in force.
         stiffer: factors on Kp and Ki that are tried.
     """
-    if beyond_strength(arm, heaviest, usual):
-        able: Ability = "not at all" if beyond_strength(arm, 0.0, usual) else "without a box"
+    if strength.beyond(arm, heaviest):
+        able: Ability = "not at all" if strength.beyond(arm, 0.0) else "without a box"
         return Tuned(gains, target_time, math.inf, able)
     found: list[_Tried] = []
     for slower in SLOWER:

@@ -21,7 +21,7 @@ from dtwin.recovery.desk import Desk
 from dtwin.recovery.margins import control_settings, settings_for_late
 from dtwin.recovery.measures import Measures
 from dtwin.recovery.operator import Operator
-from dtwin.recovery.strength import holding
+from dtwin.recovery.strength import Strength
 from dtwin.recovery.tuning import times
 from dtwin.signals import MONITOR, Event, EventKind
 from dtwin.simulation.checks import MOTIONS, Checker
@@ -447,7 +447,7 @@ def test_a_machine_works_on_with_nine_tenths_of_the_margins_when_commands_are_la
         record.arm,
         record,
         0.2,
-        holding(record.arm, 0.2),
+        Strength.of(record.arm, 0.2),
         lambda gains, time: reference,
         reference,
     )

@@ -8,11 +8,11 @@ from dtwin.bus.twin_messages import PredictedMotion
 from dtwin.controller.motion import NAMES
 from dtwin.controller.settings import usual_gains
 from dtwin.parameters import ArmParameters, Gains, scaled
-from dtwin.recovery.strength import RESERVE, beyond_strength, holding
+from dtwin.recovery.strength import RESERVE, Strength, holding
 from dtwin.recovery.tuning import BOUND, SLOWER, STIFFER, Expect, search
 
 GAINS = usual_gains("computed_torque")
-USUAL = holding(ArmParameters(), 0.21)
+USUAL = Strength.of(ArmParameters(), 0.21)
 """share of the voltage limit that holding the healthy arm takes, by place"""
 
 
@@ -109,21 +109,22 @@ def test_the_strength_that_is_left_follows_the_voltage_constant() -> None:
     arm = ArmParameters()
     shares = holding(arm, 0.21)
     assert tuple(shares) == NAMES
-    assert not beyond_strength(arm, 0.21, shares)
+    strength = Strength.of(arm, 0.21)
+    assert not strength.beyond(arm, 0.21)
     # Gravity at red by hand: q1 + q2 + q3 = 0, so that the third link is level.
     level, forearm = 0.12993861 * 0.14 + 0.21 * 0.1608, 0.11604 * 0.1 + (0.12993861 + 0.21) * 0.13246938
     torque = 9.81 * (level + forearm * math.cos(2.5298 - 2.0654))
     assert shares["red"] == pytest.approx(torque / (8.0 * arm.get("K2")), rel=1e-3)
     just = shares["red"] / (1.0 - RESERVE)
-    assert beyond_strength(scaled(arm, "K", 0.999 * just), 0.21, shares) == ["red"]
-    assert not beyond_strength(scaled(arm, "K", 1.001 * just), 0.21, shares)
+    assert strength.beyond(scaled(arm, "K", 0.999 * just), 0.21) == ["red"]
+    assert not strength.beyond(scaled(arm, "K", 1.001 * just), 0.21)
 
 
 def test_an_arm_that_never_had_the_reserve_works_on_with_what_it_has() -> None:
     """A fault of joint 1 makes no place harder to hold at which joint 2 is the weakest."""
     arm = scaled(ArmParameters(), "K", holding(ArmParameters(), 0.21)["red"] / (1.0 - 0.5 * RESERVE))
-    usual = holding(arm, 0.21)
-    assert usual["red"] == pytest.approx(1.0 - 0.5 * RESERVE)
-    assert not beyond_strength(arm.with_values({"K1": 0.95 * arm.get("K1")}), 0.21, usual)
-    assert beyond_strength(arm.with_values({"K2": 0.99 * arm.get("K2")}), 0.21, usual) == ["red"]
-    assert beyond_strength(arm, 0.22, usual) == ["red"]
+    strength = Strength.of(arm, 0.21)
+    assert strength.usual["red"] == pytest.approx(1.0 - 0.5 * RESERVE)
+    assert not strength.beyond(arm.with_values({"K1": 0.95 * arm.get("K1")}), 0.21)
+    assert strength.beyond(arm.with_values({"K2": 0.99 * arm.get("K2")}), 0.21) == ["red"]
+    assert strength.beyond(arm, 0.22) == ["red"]

@@ -30,6 +30,7 @@ SERVICES: Final = (
     "identification",
     "monitoring",
     "simulation",
+    "recovery",
     "console",
 )
 ROLES: Final = (*SERVICES, "operator", "ai-observe", "ai-propose", "ai-act")

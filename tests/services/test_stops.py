@@ -12,7 +12,7 @@ from dtwin.bus.opening import open_peer
 from dtwin.bus.session import Bus
 from dtwin.controller.device import SafeStop
 from dtwin.services.parts.latch import Latch, Latched
-from dtwin.services.stops import Stops
+from dtwin.services.parts.stopping.stops import Stops
 from dtwin.signals import ArmState, Stop
 from tests.support.ports import free_port
 from tests.support.waiting import connected, until

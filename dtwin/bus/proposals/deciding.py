@@ -10,15 +10,16 @@ from collections.abc import Callable, Mapping
 
 import msgspec
 
-from dtwin.bus.messages import ACKNOWLEDGE, DECIDE_PROPOSAL, LOOK, UPLOAD, StopRequest
-from dtwin.bus.proposals.messages import Kind, Look, Proposal, ProposalDecision
+from dtwin.bus.messages import ACKNOWLEDGE, ANSWER, DECIDE_PROPOSAL, LOOK, UPLOAD, Done, StopRequest
+from dtwin.bus.proposals.messages import AnswerRequest, Kind, Look, Proposal, ProposalDecision
 from dtwin.bus.session import Bus
 from dtwin.bus.stopping import stop
 from dtwin.bus.twin_messages import AcknowledgeRequest, MonitoringVerdict, Upload
 from dtwin.errors import CommunicationError, DtwinError, ParameterError, choices
 
-Door = Callable[[Bus, Proposal, str], str]
-"""Has what a proposal proposes done by a person, and tells what came of it. Raises DtwinError."""
+Door = Callable[[Bus, Proposal, str], str | None]
+"""Has what a proposal proposes done by a person, and tells what came of it; None when whoever does it reports that.
+Raises DtwinError."""
 
 
 def find(bus: Bus, number: int) -> Proposal:
@@ -64,7 +65,7 @@ def decide(bus: Bus, decision: ProposalDecision, doors: Mapping[Kind, Door]) -> 
     except DtwinError as error:
         _report(bus, decision, f"not done: {error}")
         raise CommunicationError(f"proposal {decided.number} was approved and is not done: {error}") from None
-    return _report(bus, decision, outcome)
+    return decided if outcome is None else _report(bus, decision, outcome)
 
 
 def _report(bus: Bus, decision: ProposalDecision, outcome: str) -> Proposal:
@@ -95,5 +96,10 @@ def _agree(bus: Bus, proposal: Proposal, who: str) -> str:
     return "the diagnosis is noted as agreed with; nothing was changed"
 
 
+def have_answered(bus: Bus, proposal: Proposal, who: str) -> None:
+    """Has the recovery service of a cell answer findings, which reports what came of it."""
+    bus.ask(ANSWER, AnswerRequest(proposal.number, who), Done)
+
+
 DOORS: Mapping[Kind, Door] = {"settings": _upload, "acknowledge": _acknowledge, "stop": _stop, "diagnosis": _agree}
-"""What one request carries out; an answer of the recovery takes several and a while."""
+"""What one request carries out; an answer takes several and a while: the recovery service has it, if it is there."""

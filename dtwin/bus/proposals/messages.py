@@ -1,4 +1,4 @@
-"""What is said of proposals: an AI makes them, the simulation service checks and keeps them, a person decides.
+"""What is said of proposals: an AI or recovery makes them, the simulation service checks and keeps them, a person decides.
 
 The rules of `dtwin.bus.messages` hold, which has their topics.
 """
@@ -27,10 +27,10 @@ Names = Annotated[tuple[FaultName, ...], msgspec.Meta(max_length=8)]
 
 
 class ProposalRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
-    """Something that an AI would have done; nothing moves until a person approves.
+    """Something that an AI or recovery would have done; nothing moves until a person approves.
 
     Attributes:
-        who: name of the AI.
+        who: name of the AI, or recovery.
         why: reason in its words.
         kind: what is proposed.
         change: other settings, for the kind settings alone; `based_on` is the version that the AI has seen.
@@ -106,6 +106,18 @@ class ProposalDecision(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHE
     who: Word
     action: Literal["approve", "decline", "report"]
     text: Line = ""
+
+
+class AnswerRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """Asks recovery to carry out a proposal to answer findings, which a person has approved.
+
+    Attributes:
+        number: number of the proposal.
+        who: name of the person.
+    """
+
+    number: Count
+    who: Word
 
 
 class LookRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):

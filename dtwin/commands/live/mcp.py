@@ -15,8 +15,8 @@ from typing import Final
 import tyro
 
 from dtwin.ai.profiles import Limits, Profile, role_of
-from dtwin.bus.messages import LOOK
-from dtwin.bus.proposals.deciding import DOORS, decide, find
+from dtwin.bus.messages import LOOK, SUMMARY, Summary
+from dtwin.bus.proposals.deciding import DOORS, decide, find, have_answered
 from dtwin.bus.proposals.messages import Look, Proposal, ProposalDecision
 from dtwin.commands.live.audits import AuditOptions, outcome
 from dtwin.errors import ParameterError
@@ -180,7 +180,8 @@ class McpApprove(_Decision):
     yes: bool = False
     """Do not ask."""
     model: str | None = None
-    """Identified model of the healthy arm, for answers to findings; the controller's model if not given."""
+    """Identified model of the healthy arm, for answers to findings; the controller's model if not given.
+    The recovery service of a cell that has one answers with what it knows itself."""
     store: Path | None = None
     """Folder of the identified models; that of the cell if not given."""
 
@@ -198,7 +199,9 @@ class McpApprove(_Decision):
             decision = ProposalDecision(
                 seen.number, self.digest or seen.digest, self.who or getpass.getuser(), "approve"
             )
-            _show(decide(bus, decision, {**DOORS, "answer": answering_door(healthy)}))
+            there = "recovery" in bus.ask(SUMMARY, None, Summary).services
+            answers = have_answered if there else answering_door(healthy)
+            _show(decide(bus, decision, {**DOORS, "answer": answers}))
         return 0
 
 

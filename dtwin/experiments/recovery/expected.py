@@ -17,12 +17,13 @@ from dtwin.monitoring.kinds import NAMED, UNKNOWN
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters, Gains, scaled, symbol_of
 from dtwin.recovery.answers import ANSWERS, Measure
 from dtwin.recovery.margins import LATE, gains_with_margins, settings_for_late, stiffer_with_margins
-from dtwin.recovery.measures import BOXES
-from dtwin.recovery.strength import holding
+from dtwin.recovery.measures import usual_boxes
+from dtwin.recovery.strength import Strength
 from dtwin.recovery.tuning import BOUND, Ability, search
 from dtwin.simulation.checks import Checker
 from dtwin.simulation.proposal import with_rotors
 from dtwin.simulation.upload import changed
+from dtwin.task import DEFAULT_TASK
 from dtwin.twin.effects import EFFECT_NAMES, NO_EFFECTS, Effects
 
 _HIDDEN: Final = ("pads",)
@@ -84,8 +85,9 @@ def expected_of(
         return _STOP
     condition, checker = schedule(arm, faults)[0].condition, Checker(effects=effects, via=via)
     now = scaled(condition.parameters, "K", condition.supply)
-    masses = [condition.payload(mass) for mass in BOXES]
-    reference, usual = _expect(checker, settings, arm, BOXES), holding(arm, max(BOXES))
+    boxes = usual_boxes(DEFAULT_TASK)
+    masses = [condition.payload(mass) for mass in boxes]
+    reference, strength = _expect(checker, settings, arm, boxes), Strength.of(arm, max(boxes))
 
     def expect(gains: Gains, target_time: float, late: float = 0.0) -> list[PredictedMotion]:
         known = changed(settings, gains, target_time, with_rotors(now, effects), masses[0])
@@ -95,11 +97,11 @@ def expected_of(
     try:
         gains = gains_with_margins(known, now, record, 0.0)
         stiffer = stiffer_with_margins(known, now, record, 0.0) if gains == known.gains else (1.0,)
-        tuned = search(now, max(masses), usual, expect, gains, settings.target_time, reference, stiffer)
+        tuned = search(now, max(masses), strength, expect, gains, settings.target_time, reference, stiffer)
         found = tuned
         if tuned.works and condition.late:
             expect_late = partial(expect, late=LATE)
-            found = settings_for_late(settings, now, record, max(masses), usual, expect_late, reference)
+            found = settings_for_late(settings, now, record, max(masses), strength, expect_late, reference)
     except ParameterError:
         return _STOP
     if not (tuned.works and found.works):

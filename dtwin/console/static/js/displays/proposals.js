@@ -1,4 +1,4 @@
-// What an AI has proposed: who, why, what changes, what the twin expects; a person approves or declines what is shown.
+// What recovery or an AI has proposed: who, why, what changes, what the twin expects; a person approves or declines what is shown.
 import { commandButton } from "../command.js";
 import { each, el, number, rebuild, table } from "../dom.js";
 import { store } from "../store.js";
@@ -13,7 +13,7 @@ export function makeProposals() {
     const told = [...(store.state?.proposals ?? [])].reverse();
     rebuild(node, told, () => {
       buttons = [];
-      return told.length ? told.map(one) : el("p", { class: "why-not" }, "No AI has proposed anything.");
+      return told.length ? told.map(one) : el("p", { class: "why-not" }, "Neither recovery nor an AI has proposed anything.");
     });
     buttons.forEach((button) => button.refresh());
   }

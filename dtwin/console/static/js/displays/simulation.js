@@ -96,7 +96,7 @@ export function makeSimulation() {
     panel("Predicted", "w8", figure, ...curves, volts),
     panel("Search", "w6", form(judged), optimise, front, best),
     panel("Upload", "w6", el("div", { class: "stack" }, form(why), el("div", { class: "row" }, upload.node, uploadModel.node), trial.node)),
-    panel("Proposals of an AI", "w12", proposals.node),
+    panel("Proposals", "w12", proposals.node),
     panel("History of the settings", "w12", history.node),
   );
   get("/api/models").then(({ models }) => {
