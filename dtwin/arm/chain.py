@@ -1,0 +1,167 @@
+"""A serial chain of n joints as a frozen value. SI units; joints and links are counted from the base.
+
+Link i moves with joint i. Its frame is that of joint i: the origin lies on the joint's axis, and at joint position 0
+it is turned and shifted against the frame of link i - 1 as `Joint.rotation` and `Joint.translation` say.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dtwin.errors import ModelError
+
+Array = NDArray[np.float64]
+JointKind = Literal["revolute", "prismatic"]
+Commanded = Literal["torque", "current", "voltage", "position"]
+
+INERTIAL: Final = ("m", "mcx", "mcy", "mcz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
+"""The ten inertial parameters of a link, in the order of Pinocchio's regressor: mass (kg), first moments (kg m) and
+inertia (kg m^2) about the origin of the link's frame."""
+GRAVITY: Final = (0.0, 0.0, -9.81)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Link:
+    """A rigid body.
+
+    Attributes:
+        name: name in the model file.
+        mass: mass, kg.
+        centre: centre of mass in the link's frame, (3,), m.
+        inertia: inertia about the centre of mass, axes of the link's frame, (3, 3), kg m^2.
+    """
+
+    name: str
+    mass: float
+    centre: Array
+    inertia: Array
+
+    @property
+    def parameters(self) -> Array:
+        """The parameters named in INERTIAL, (10,)."""
+        moved = self.inertia + self.mass * steiner(self.centre)
+        return np.array([self.mass, *(self.mass * self.centre), *moved[np.tril_indices(3)]])
+
+    @classmethod
+    def from_parameters(cls, name: str, parameters: Array) -> Link:
+        """The link with the parameters named in INERTIAL, (10,); a mass of 0 has its centre at the origin."""
+        mass = float(parameters[0])
+        centre = parameters[1:4] / mass if mass else np.zeros(3)
+        return cls(name, mass, centre, symmetric(parameters[4:]) - mass * steiner(centre))
+
+
+@dataclass(frozen=True, slots=True)
+class Actuator:
+    """What drives a joint.
+
+    Attributes:
+        commanded: quantity that a log or a controller commands.
+        constant: torque at the joint per ampere or per volt, N m/A or N m/V; None where it is not known.
+        tolerance: relative standard deviation of the constant.
+        gear: turns of the motor for one of the joint; its sign is that of the direction.
+        rotor: inertia of the rotor seen at the joint, kg m^2; None where it is not known.
+    """
+
+    commanded: Commanded = "torque"
+    constant: float | None = None
+    tolerance: float = 0.1
+    gear: float = 1.0
+    rotor: float | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Joint:
+    """A joint and what drives and senses it.
+
+    Attributes:
+        name: name in the model file.
+        kind: revolute (rad, N m) or prismatic (m, N).
+        axis: unit vector in the joint's frame, (3,).
+        rotation: attitude of the joint's frame in that of the link before at position 0, (3, 3).
+        translation: its origin there, (3,), m.
+        lower: least position, rad or m; -inf where there is none.
+        upper: largest position.
+        speed: largest speed, rad/s or m/s; inf where it is not known.
+        effort: largest torque or force, N m or N; inf where it is not known.
+        actuator: its drive.
+        step: step of the encoder, rad or m; 0 where it is not known.
+    """
+
+    name: str
+    kind: JointKind
+    axis: Array
+    rotation: Array
+    translation: Array
+    lower: float = -np.inf
+    upper: float = np.inf
+    speed: float = np.inf
+    effort: float = np.inf
+    actuator: Actuator = Actuator()
+    step: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Arm:
+    """A serial chain.
+
+    Attributes:
+        name: its name.
+        joints: n joints from the base on.
+        links: the n links that move with them.
+        gravity: acceleration of gravity in the base's frame, (3,), m/s^2.
+        remarks: what its reader simplified, as sentences for people.
+    """
+
+    name: str
+    joints: tuple[Joint, ...]
+    links: tuple[Link, ...]
+    gravity: Array = field(default_factory=lambda: np.array(GRAVITY))
+    remarks: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.joints or len(self.joints) != len(self.links):
+            raise ModelError(
+                f"arm {self.name}: expected at least one joint and as many links, got {len(self.joints)} and "
+                f"{len(self.links)}"
+            )
+        for joint in self.joints:
+            if not np.isclose(np.linalg.norm(joint.axis), 1.0, atol=1e-6):
+                raise ModelError(
+                    f"arm {self.name}: joint {joint.name}: expected an axis of length 1, got {joint.axis}"
+                )
+
+    def __len__(self) -> int:
+        """The number of joints n."""
+        return len(self.joints)
+
+    @property
+    def parameters(self) -> Array:
+        """The inertial parameters of all links, (10 n,)."""
+        return np.concatenate([link.parameters for link in self.links])
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of `parameters`, such as m_2 for the mass of link 2."""
+        return tuple(f"{name}_{i}" for i in range(1, len(self) + 1) for name in INERTIAL)
+
+    def with_parameters(self, parameters: Array) -> Arm:
+        """The arm with other inertial parameters, (10 n,)."""
+        links = zip(self.links, parameters.reshape(len(self), 10), strict=True)
+        return replace(self, links=tuple(Link.from_parameters(link.name, row) for link, row in links))
+
+
+def steiner(arm: Array) -> Array:
+    """What a mass of 1 kg at `arm`, (3,), m, adds to an inertia about the origin, (3, 3), m^2."""
+    squared: Array = arm @ arm * np.eye(3) - np.outer(arm, arm)
+    return squared
+
+
+def symmetric(six: Array) -> Array:
+    """The matrix (3, 3) of Ixx, Ixy, Iyy, Ixz, Iyz, Izz."""
+    matrix = np.zeros((3, 3))
+    matrix[np.tril_indices(3)] = six
+    return matrix + np.tril(matrix, -1).T

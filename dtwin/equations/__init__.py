@@ -1,0 +1,1 @@
+"""The equations of motion of a serial chain, told once for n joints."""

@@ -1,0 +1,1 @@
+"""Identification of any serial arm from measured motion."""

@@ -1,0 +1,83 @@
+"""How sure an estimate is when residuals are not white: the sandwich of their correlation in time.
+
+Least squares alone would divide the noise by the number of rows. Residuals of a robot are friction that no term has
+and last for seconds; they count by their autocorrelation (Newey and West 1987, here with the measured correlation
+of each joint as that of a stationary process).
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from dtwin.arm.chain import Array
+from dtwin.identification.chain.design import Design
+from dtwin.identification.chain.fit import Fit, Prior
+from dtwin.identification.chain.moments import Moments, columns
+
+_LONGEST: Final = 3.0
+"""Longest correlation in time that is looked at, s."""
+
+
+def covariance_of(design: Design, moments: Moments, prior: Prior, found: Fit) -> Array:
+    """Covariance of the unknowns that were used and of the logarithms of all gains, (used + n, used + n)."""
+    layout, share = moments.layout, moments.share
+    chosen = np.flatnonzero(found.used)
+    n, size = layout.joints, len(chosen)
+    with np.errstate(divide="ignore"):
+        known = np.concatenate([1.0 / prior.deviation[chosen] ** 2, 1.0 / prior.gain_deviation**2])
+    known = np.minimum(known, 1e12)
+    slopes, residuals = [], []
+    for rows in design.rows:
+        every = columns(layout, rows) / found.gain[:, None]
+        predicted = every @ found.unknowns
+        by_gain = np.einsum("nj,jk->njk", predicted, np.eye(n))
+        slopes.append(np.concatenate([-every[:, :, chosen], by_gain], axis=2))
+        residuals.append(rows.effort - predicted)
+    longest = max(1, round(_LONGEST / float(np.median([rows.dt for rows in design.rows]))))
+    bread, meat = np.diag(known), np.diag(known)
+    for joint in range(n):
+        weight = share / found.noise[joint] ** 2
+        correlation = _correlation([r[:, joint] for r in residuals], longest)
+        for slope in slopes:
+            mine = slope[:, joint]
+            bread += weight * mine.T @ mine
+            meat += weight**2 * mine.T @ _convolved(correlation, mine)
+    effective = share * float(moments.counts.sum()) * n
+    lost = effective / max(effective - size, 0.25 * effective)
+    inverse = _inverse(bread)
+    found_covariance: Array = inverse @ (np.diag(known) + lost * (meat - np.diag(known))) @ inverse
+    return found_covariance
+
+
+def _correlation(residuals: list[Array], longest: int) -> Array:
+    """Autocovariance of a joint's residual for lags 0 to longest, tapered so that it stays positive (Bartlett)."""
+    total: Array = np.zeros(longest + 1)
+    count = 0
+    for residual in residuals:
+        r = residual - residual.mean()
+        padded = np.fft.rfft(r, 2 * len(r))
+        lags = np.fft.irfft(padded * padded.conj())[: longest + 1]
+        total[: len(lags)] += lags
+        count += len(r)
+    taper = 1.0 - np.arange(longest + 1) / (longest + 1)
+    return np.asarray(total * taper / count, dtype=np.float64)
+
+
+def _convolved(correlation: Array, columns: Array) -> Array:
+    """The matrix of covariances in time, a Toeplitz matrix, times columns (N, k)."""
+    samples, longest = len(columns), min(len(correlation), len(columns)) - 1
+    length = samples + longest
+    kernel = np.zeros(length)
+    kernel[: longest + 1] = correlation[: longest + 1]
+    kernel[-longest:] += correlation[longest:0:-1] if longest else 0.0
+    spectrum = np.fft.rfft(kernel)
+    result: Array = np.fft.irfft(np.fft.rfft(columns, length, axis=0) * spectrum[:, None], length, axis=0)[:samples]
+    return result
+
+
+def _inverse(matrix: Array) -> Array:
+    scale = 1.0 / np.sqrt(np.diag(matrix))
+    inverse: Array = np.linalg.pinv(matrix * scale * scale[:, None], rcond=1e-13, hermitian=True)
+    return inverse * scale * scale[:, None]

@@ -1,0 +1,1 @@
+"""Measurements of any arm: files of other programs, what their columns mean, what is odd, what was repaired."""

@@ -1,0 +1,110 @@
+"""Descriptions of robots: what is read of them, and what is refused by name, file and line."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dtwin.arm.chain import Link
+from dtwin.arm.urdf import read_urdf
+from dtwin.errors import ModelError
+
+INERTIAL = '<inertial><mass value="2"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
+
+
+def joint(name: str, parent: str, child: str, kind: str = "revolute", inside: str = "") -> str:
+    ends = f'<parent link="{parent}"/><child link="{child}"/>'
+    return f'<joint name="{name}" type="{kind}">{ends}<origin xyz="0 0 1"/><axis xyz="0 0 1"/>{inside}</joint>'
+
+
+def robot(folder: Path, *parts: str, links: str = "abc") -> Path:
+    file = folder / "robot.urdf"
+    bodies = [f'<link name="{name}">{"" if name == "a" else INERTIAL}</link>' for name in links]
+    file.write_text("\n".join(['<robot name="r">', *bodies, *parts, "</robot>"]))
+    return file
+
+
+def test_a_chain_is_read_from_base_to_tip(tmp_path: Path) -> None:
+    arm = read_urdf(robot(tmp_path, joint("one", "a", "b"), joint("two", "b", "c", "prismatic")))
+    assert [j.name for j in arm.joints] == ["one", "two"]
+    assert [j.kind for j in arm.joints] == ["revolute", "prismatic"]
+    assert arm.joints[1].translation.tolist() == [0.0, 0.0, 1.0]
+    assert [link.mass for link in arm.links] == [2.0, 2.0]
+    assert len(arm.parameter_names) == len(arm.parameters) == 20
+
+
+def test_what_hangs_on_a_link_by_a_fixed_joint_is_part_of_it(tmp_path: Path) -> None:
+    arm = read_urdf(robot(tmp_path, joint("one", "a", "b"), joint("flange", "b", "c", "fixed")))
+    assert arm.links[0].mass == 4.0
+    assert arm.links[0].centre.tolist() == [0.0, 0.0, 0.5]
+    assert np.allclose(np.diag(arm.links[0].inertia), [3.0, 3.0, 2.0])  # 2 x 1, and 2 kg twice at half a metre
+
+
+def test_a_branch_is_welded_and_told(tmp_path: Path) -> None:
+    parts = [joint("one", "a", "b"), joint("two", "b", "c"), joint("finger", "c", "d", "prismatic")]
+    arm = read_urdf(robot(tmp_path, *parts, links="abcd"), tip="c")
+    assert len(arm) == 2
+    assert arm.links[1].mass == 4.0
+    assert arm.remarks == ("joint finger is not in the chain: it is welded at 0",)
+
+
+def test_parameters_and_links_are_the_same_told_twice() -> None:
+    link = Link("l", 3.0, np.array([0.1, 0.2, 0.3]), np.diag([0.1, 0.2, 0.25]))
+    again = Link.from_parameters("l", link.parameters)
+    assert again.mass == 3.0
+    assert np.allclose(again.centre, link.centre)
+    assert np.allclose(again.inertia, link.inertia)
+
+
+@pytest.mark.parametrize(
+    ("parts", "links", "said"),
+    [
+        ([joint("one", "a", "b", inside='<mimic joint="two"/>')], "ab", ":4: joint one follows joint two"),
+        (
+            [joint("one", "a", "b"), joint("two", "c", "b")],
+            "abc",
+            ":6: expected one joint above link b, got joints one",
+        ),
+        ([joint("one", "b", "a")], "ab", ":2: link a: expected an <inertial> with a mass above 0"),
+        ([joint("one", "a", "b", "floating")], "ab", "joint one: expected a type revolute"),
+        ([joint("one", "a", "x")], "ab", "expected one of the links, a or b"),
+        (
+            [joint("one", "a", "b"), joint("two", "a", "c")],
+            "abc",
+            "expected a tip, as several chains have 1 joints: b or c",
+        ),
+        ([], "a", "expected a joint that moves below link a, got none"),
+        ([joint("one", "a", "b").replace("0 0 1", "0 nan 1")], "ab", "expected three finite numbers"),
+    ],
+)
+def test_what_is_wrong_is_named_with_its_line(tmp_path: Path, parts: list[str], links: str, said: str) -> None:
+    file = robot(tmp_path, *parts, links=links)
+    with pytest.raises(ModelError) as error:
+        read_urdf(file)
+    assert str(error.value).startswith(str(file))
+    assert said in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_other_files_are_refused_as_what_they_are(tmp_path: Path) -> None:
+    file = tmp_path / "other.urdf"
+    for text, said in (
+        ("<mujoco/>", "expected <robot>, got <mujoco>"),
+        ("not xml", "expected XML"),
+        ("", "expected XML"),
+    ):
+        file.write_text(text)
+        with pytest.raises(ModelError, match=said):
+            read_urdf(file)
+    with pytest.raises(ModelError, match="cannot be read"):
+        read_urdf(tmp_path / "missing.urdf")
+
+
+def test_an_entity_reads_no_other_file(tmp_path: Path) -> None:
+    secret = tmp_path / "secret"
+    secret.write_text("hidden")
+    file = tmp_path / "evil.urdf"
+    file.write_text(f'<!DOCTYPE r [<!ENTITY x SYSTEM "{secret}">]><robot name="r"><link name="a">&x;</link></robot>')
+    with pytest.raises(ModelError) as error:
+        read_urdf(file)
+    assert "hidden" not in str(error.value)
