@@ -2,7 +2,8 @@
 
 A body's parameters are possible if and only if its pseudo-inertia, a symmetric matrix of mass, first and second
 moments, is positive definite (Wensing, Kim and Slotine 2018). It is written as L L^T, with the logarithms of the
-diagonal of L (log-Cholesky, Rucker and Wensing 2022): any ten numbers give a possible body, and no constraint is left.
+diagonal of L (log-Cholesky, Rucker and Wensing 2022): any ten numbers give a possible
+body, and no constraint is left.
 """
 
 from __future__ import annotations

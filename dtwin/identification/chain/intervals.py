@@ -79,5 +79,6 @@ def _convolved(correlation: Array, columns: Array) -> Array:
 
 def _inverse(matrix: Array) -> Array:
     scale = 1.0 / np.sqrt(np.diag(matrix))
-    inverse: Array = np.linalg.pinv(matrix * scale * scale[:, None], rcond=1e-13, hermitian=True)
+    scaled = matrix * scale * scale[:, None]
+    inverse = np.asarray(np.linalg.pinv(scaled, rcond=1e-13, hermitian=True), dtype=np.float64)
     return inverse * scale * scale[:, None]
