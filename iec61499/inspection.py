@@ -32,6 +32,18 @@ MAXIMUM_PROBLEMS: Final = 100
 SUFFIXES: Final = (".fbt", ".fct", ".sub", ".sys", ".fboot")
 
 
+class Remark(FunctionBlockError):
+    """What is right but may not be meant.
+
+    Attributes:
+        rule: the name of the rule that it offends.
+    """
+
+    def __init__(self, rule: str, message: str, file: str = "", line: int = 0) -> None:
+        super().__init__(message, file, line)
+        self.rule = rule
+
+
 @dataclass(frozen=True, slots=True)
 class Findings:
     """What was found in a file, in the order of its lines as far as they are known; each once.
@@ -39,12 +51,17 @@ class Findings:
     Attributes:
         problems: what is wrong.
         departures: blocks that may compute something else on 4diac FORTE.
-        warnings: blocks and connections of a system that run nowhere, and services that this device does not have.
+        remarks: blocks and connections of a system that run nowhere, and services that this device does not have.
     """
 
     problems: tuple[FunctionBlockError, ...]
     departures: tuple[FunctionBlockError, ...]
-    warnings: tuple[str, ...] = ()
+    remarks: tuple[Remark, ...] = ()
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """The remarks as lines."""
+        return tuple(map(str, self.remarks))
 
 
 def inspect(file: Path, library: Library) -> Findings:
@@ -56,15 +73,16 @@ def inspect(file: Path, library: Library) -> Findings:
     """
     problems = _Problems()
     with problems.noted():
-        if file.suffix in (".fbt", ".fct", ".sub"):
+        suffix = file.suffix.lower()
+        if suffix in (".fbt", ".fct", ".sub"):
             _inspect_type(file, library, problems)
-        elif file.suffix == ".sys":
+        elif suffix == ".sys":
             _inspect_system(read_system(file, library), library, problems)
-        elif file.suffix == ".fboot":
+        elif suffix == ".fboot":
             load_boot_file(file)
         else:
             raise FunctionBlockError("expected a file that ends in .fbt, .sub, .sys or .fboot", str(file))
-    return Findings(_in_order(problems.found), _in_order(problems.departures), tuple(problems.warnings))
+    return Findings(_in_order(problems.found), _in_order(problems.departures), tuple(problems.remarks.values()))
 
 
 def _in_order(found: dict[str, FunctionBlockError]) -> tuple[FunctionBlockError, ...]:
@@ -75,7 +93,7 @@ class _Problems:
     def __init__(self) -> None:
         self.found: dict[str, FunctionBlockError] = {}
         self.departures: dict[str, FunctionBlockError] = {}
-        self.warnings: dict[str, None] = {}
+        self.remarks: dict[str, Remark] = {}
 
     @contextmanager
     def noted(self) -> Iterator[None]:
@@ -88,6 +106,9 @@ class _Problems:
     def note(self, error: FunctionBlockError) -> None:
         self.found.setdefault(str(error), error)
 
+    def remark(self, remark: Remark) -> None:
+        self.remarks.setdefault(str(remark), remark)
+
 
 def _inspect_type(file: Path, library: Library, problems: _Problems) -> None:
     found = read_type(file, library)
@@ -95,7 +116,8 @@ def _inspect_type(file: Path, library: Library, problems: _Problems) -> None:
     if header.name != file.stem:
         message = f"holds the type {header.name}: expected {file.stem}, as the file's name says"
         problems.found[message] = FunctionBlockError(message, header.file, header.line)
-    problems.warnings |= dict.fromkeys(_case_warnings(found))
+    for remark in _case_remarks(found):
+        problems.remark(remark)
     if isinstance(found, model.BasicFBType | model.SimpleFBType):
         _inspect_text(found, problems)
     elif isinstance(found, model.ServiceInterfaceFBType):
@@ -136,16 +158,19 @@ def _protocol_problem(node: Node, connected: set[str]) -> str | None:
     return None
 
 
-def _case_warnings(found: model.LibraryElement) -> Iterator[str]:
+def _case_remarks(found: model.LibraryElement) -> Iterator[Remark]:
     """Events and data of a type whose names differ only in case, which IEC 61131-3 takes for one name."""
     interface = found.interface
     events = {event.name.upper(): event for event in (*interface.event_inputs, *interface.event_outputs)}
     for variable in (*interface.inputs, *interface.outputs):
         event = events.get(variable.name.upper())
         if event is not None:
-            yield (
-                f"{found.header.file}:{variable.line}: data {variable.name} is called as event {event.name} but for "
-                "case: IEC 61131-3 takes both for one name"
+            yield Remark(
+                "names-differ-in-case",
+                f"data {variable.name} is called as event {event.name} but for case: IEC 61131-3 takes both for one "
+                "name",
+                found.header.file,
+                variable.line,
             )
 
 
@@ -171,7 +196,8 @@ def _inspect_system(drawn: model.System, library: Library, problems: _Problems) 
         with problems.noted():
             _inspect_network(_without_start(application.network, problems), library.find, problems)
     system = library.complete(sound)
-    problems.warnings |= dict.fromkeys(f"left out: {line}" for line in system.left_out)
+    for line in system.left_out:
+        problems.remark(Remark("mapped-nowhere", f"left out: {line}"))
     for device in system.devices:
         for resource in device.resources:
             with problems.noted():
@@ -185,10 +211,11 @@ def _without_start(network: model.FBNetwork, problems: _Problems) -> model.FBNet
         return network
     from_start = [c for c in network.events if c.source.rpartition(".")[0] == "START"]
     for connection in from_start:
-        problems.warnings[
-            f"{network.file}:{connection.line}: {connection.source} -> {connection.destination} of an application: "
-            "START is a block of each resource: expected the connection there"
-        ] = None
+        message = (
+            f"{connection.source} -> {connection.destination} of an application: START is a block of each resource: "
+            "expected the connection there"
+        )
+        problems.remark(Remark("start-in-application", message, network.file, connection.line))
     return replace(network, events=tuple(c for c in network.events if c not in from_start))
 
 
@@ -245,10 +272,11 @@ def _inspect_network(network: model.FBNetwork, find: Finder, problems: _Problems
         connected[port.node].add(port.name)
     for number, node in netlist.nodes.items():
         if isinstance(node.type, model.ServiceInterfaceFBType) and has_no_service(node.type):
-            warning = f"{node.file}:{node.line}: {node.name} is a {node.type.header.name}, a service that this device"
-            problems.warnings[f"{warning} does not have: {_ABSENT}"] = None
+            message = f"{node.name} is a {node.type.header.name}, a service that this device does not have: {_ABSENT}"
+            problems.remark(Remark("no-such-service", message, node.file, node.line))
         if (problem := _protocol_problem(node, connected[number])) is not None:
-            problems.warnings[f"{node.file}:{node.line}: {node.name}: {problem}: {_ABSENT}"] = None
+            message = f"{node.name}: {problem}: {_ABSENT}"
+            problems.remark(Remark("no-such-protocol", message, node.file, node.line))
         for variable in node.interface.inputs:
             parameter = node.parameters.get(variable.name)
             if parameter is not None and not isinstance(variable.type, model.GenericType):

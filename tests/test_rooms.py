@@ -49,6 +49,7 @@ SUBROOMS = [
     {f"{ALONE}.net"},
     {f"{ALONE}.management"},
     {f"{ALONE}.deploy", f"{ALONE}.inspection"},
+    {f"{ALONE}.lint"},
     {f"{ALONE}.device"},
     {f"{ALONE}.testing"},
     {f"{ALONE}.commands"},

@@ -68,13 +68,15 @@ GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
     },
     "function blocks": {
         "fb check": Subcommand("blocks.library", "FbCheck", "check function-block files"),
+        "fb format": Subcommand("iec61499.commands.formatting", "FbFormat", "lay out Structured Text of block types"),
         "fb test": Subcommand("iec61499.commands.testing", "FbTest", "test function blocks"),
+        "fb outline": Subcommand("iec61499.commands.comparing", "FbOutline", "print what function-block files say"),
         "fb export": Subcommand("blocks.library", "FbExport", "write block types as Lua, or systems as boot files"),
         "fb run": Subcommand(
             "blocks.device", "FbRun", "serve function blocks as a device that management can build on"
         ),
         "fb deploy": Subcommand("blocks.library", "FbDeploy", "build a system on a device"),
-        "fb diff": Subcommand("blocks.library", "FbDiff", "hold what a device has against a system"),
+        "fb diff": Subcommand("blocks.library", "FbDiff", "compare files, projects, or a device with a system"),
         "fb trace": Subcommand("blocks.trace", "FbTrace", "record the events of a run or a device with their data"),
         "fb replay": Subcommand("blocks.trace", "FbReplay", "repeat a trace; stop at the first event that differs"),
         "fb fuzz": Subcommand("blocks.fuzz", "FbFuzz", "trouble a device of its own with mutated input; report"),

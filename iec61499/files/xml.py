@@ -83,6 +83,10 @@ class XmlElement:
             raise self.error(f"<{self.tag}> needs the attribute {name}, {has}")
         return value
 
+    def attributes(self) -> dict[str, str]:
+        """All attributes, in their order."""
+        return {str(name): str(value) for name, value in self._element.attrib.items()}
+
     def number(self, name: str) -> float:
         """An attribute as a number, 0 when it is missing or no number (no coordinate keeps a block from running)."""
         try:

@@ -14,6 +14,7 @@ from lark.exceptions import UnexpectedCharacters, UnexpectedEOF, UnexpectedInput
 from iec61499 import literals, types
 from iec61499.errors import FunctionBlockError, choices
 from iec61499.st import ast
+from iec61499.st.comments import shifted, without_comments
 
 GRAMMAR: Final = Path(__file__).with_name("grammar.lark")
 """Grammar of Structured Text."""
@@ -41,9 +42,6 @@ _TERMINALS: Final = {
     "AND": "AND",
     "$END": "the end",
 }
-_OPENING: Final = re.compile(r"""'(?:\$.|[^'$\n])*'|"(?:\$.|[^"$\n])*"|//[^\n]*|\(\*|/\*|\{""")
-_VISIBLE: Final = re.compile(r"[^\n]")
-_CLOSINGS: Final = {"(*": "*)", "/*": "*/", "{": "}"}
 _VALUE_STARTERS: Final = {
     "INTEGER",
     "REAL_NUMBER",
@@ -102,41 +100,13 @@ def _parse(text: str, start: str, origin: ast.Position) -> Any:
         raise FunctionBlockError(
             f"has {len(text)} characters: expected at most {MAXIMUM_LENGTH}; divide the algorithm", *origin
         )
-    text = _without_comments(text, origin)
+    text = without_comments(text, origin)
     try:
         return TreeBuilder(origin).transform(lark_parser().parse(text, start=start))
     except UnexpectedInput as error:
         raise _syntax_error(error, text, origin) from None
     except RecursionError:
         raise FunctionBlockError("nested too deeply", *origin) from None
-
-
-def _without_comments(text: str, origin: ast.Position) -> str:
-    """The text with blanks for comments, which may be nested, and pragmas; every other character keeps its place."""
-    parts: list[str] = []
-    at = 0
-    while (found := _OPENING.search(text, at)) is not None:
-        mark, end = found[0], found.end()
-        if mark in _CLOSINGS:
-            end = _comment_end(text, found.start(), mark, origin)
-        parts.append(text[at : found.start()])
-        blank = mark in _CLOSINGS or mark.startswith("//")
-        parts.append(_VISIBLE.sub(" ", text[found.start() : end]) if blank else mark)
-        at = end
-    return "".join((*parts, text[at:]))
-
-
-def _comment_end(text: str, start: int, mark: str, origin: ast.Position) -> int:
-    closing = _CLOSINGS[mark]
-    depth, at = 0, start
-    for found in re.finditer(f"{re.escape(mark)}|{re.escape(closing)}", text[start:]):
-        depth += 1 if found[0] == mark else -1
-        if not depth:
-            return start + found.end()
-    line = text.count("\n", 0, at) + 1
-    raise FunctionBlockError(
-        f"comment is not closed: expected {closing}", *_shift(origin, line, at - text.rfind("\n", 0, at))
-    )
 
 
 _SLIPS: Final = {
@@ -157,14 +127,14 @@ _ASSIGNED: Final = re.compile(r"(^|[;]|\b(THEN|ELSE|DO|REPEAT|OF))\s*[\w.\[\], ]
 
 
 def _syntax_error(error: UnexpectedInput, text: str, origin: ast.Position) -> FunctionBlockError:
-    at = _shift(origin, max(error.line, 1), max(error.column, 1))
+    at = shifted(origin, max(error.line, 1), max(error.column, 1))
     slip = _slip(text, error.pos_in_stream)
     if slip is not None:
         return FunctionBlockError(f"unexpected {slip!r}: expected {_SLIPS[slip]}", *at)
     if isinstance(error, UnexpectedCharacters):
         return FunctionBlockError(f"unexpected character {text[error.pos_in_stream]!r}", *at)
     if isinstance(error, UnexpectedEOF) or (isinstance(error, UnexpectedToken) and error.token.type == "$END"):
-        at = _shift(origin, text.count("\n") + 1, len(text) - text.rfind("\n"))
+        at = shifted(origin, text.count("\n") + 1, len(text) - text.rfind("\n"))
         found = "end of text"
     else:
         found = repr(str(error.token)) if isinstance(error, UnexpectedToken) else "text"
@@ -198,12 +168,6 @@ def _describe(terminals: set[str]) -> str:
     return choices(names)
 
 
-def _shift(origin: ast.Position, line: int, column: int) -> ast.Position:
-    if line == 1:
-        return ast.Position(origin.file, origin.line, origin.column + column - 1)
-    return ast.Position(origin.file, origin.line + line - 1, column)
-
-
 class TreeBuilder(Transformer):
     """One method a grammar rule (or alias); children arrive already built, tokens as they are."""
 
@@ -213,11 +177,11 @@ class TreeBuilder(Transformer):
 
     def _call_userfunc(self, tree: Tree, new_children: list[Any] | None = None) -> Any:
         # a rule starts where its first token stood, also when its children are nodes already
-        self._at = _shift(self._origin, getattr(tree.meta, "line", 1), getattr(tree.meta, "column", 1))
+        self._at = shifted(self._origin, getattr(tree.meta, "line", 1), getattr(tree.meta, "column", 1))
         return getattr(self, tree.data)(new_children if new_children is not None else tree.children)
 
     def _position(self, token: Token) -> ast.Position:
-        return _shift(self._origin, token.line or 1, token.column or 1)
+        return shifted(self._origin, token.line or 1, token.column or 1)
 
     def named_algorithm(self, children: list[Any]) -> ast.ParsedAlgorithm:
         name, *blocks, body = children

@@ -10,19 +10,20 @@ from typing import Literal
 import tyro
 
 from dtwin.controller.sequence import SequenceName, with_sequence
-from dtwin.errors import DtwinError, FunctionBlockError, ParameterError, choices
+from dtwin.errors import DtwinError, ParameterError, choices
 from dtwin.files import replacing
 from dtwin.parameters import ROOT
 from dtwin.run.cell_file import task_named
 from dtwin.terminal import printable
 from iec61499 import model
+from iec61499.commands import check
+from iec61499.commands.comparing import compare
 from iec61499.deploy.build import Planner, deploy, remove, suited
 from iec61499.deploy.cpp_export import built_in_type, module_files
 from iec61499.deploy.device_type import TypeExport
 from iec61499.deploy.difference import change, difference
 from iec61499.deploy.lua_export import export_type
 from iec61499.deploy.plan import Deployment, plan_deployment
-from iec61499.inspection import SUFFIXES, inspect
 from iec61499.library import Library
 from iec61499.management.bootfile import Command, print_boot_file
 from iec61499.management.client import ManagementClient
@@ -44,41 +45,12 @@ def print_changes(system: model.System) -> None:
 
 
 @dataclass(frozen=True)
-class FbCheck:
-    """Check function-block files: schema, types, connections, Structured Text.
-
-    Prints one line for every problem, beginning with FILE:LINE:COLUMN. The exit status is 1 if there is a problem.
-    """
+class FbCheck(check.FbCheck):
+    __doc__ = check.FbCheck.__doc__
 
     files: tyro.conf.Positional[tuple[Path, ...]] = (BLOCKS,)
-    """Types (.fbt, .sub), systems (.sys), boot files (.fboot), or folders of them."""
-    blocks: Path | None = None
-    """Folder of the block types that the files use; without it the folder of each file."""
-    target: Literal["embedded", "forte"] = "embedded"
-    """With forte also a warning for every block that may compute something else on 4diac FORTE (docs/blocks.md)."""
-
-    def execute(self) -> int:
-        libraries: dict[Path, Library] = {}
-        problems: dict[str, None] = {}
-        warnings: dict[str, None] = {}
-        files = [file for path in self.files for file in _files(path)]
-        for file in files:
-            folder = self.blocks or file.parent
-            try:
-                if folder not in libraries:
-                    libraries[folder] = Library([folder])
-                found = inspect(file, libraries[folder])
-                problems |= dict.fromkeys(map(str, found.problems))
-                warnings |= dict.fromkeys(found.warnings)
-                if self.target == "forte":
-                    warnings |= dict.fromkeys(map(str, found.departures))
-            except FunctionBlockError as error:
-                problems[str(error)] = None
-        for line in [*problems, *warnings]:
-            print(printable(line))
-        counted = f", warnings: {len(warnings)}" if warnings or self.target == "forte" else ""
-        print(f"files: {len(files)}, problems: {len(problems)}{counted}")
-        return 1 if problems else 0
+    """Types (.fbt, .fct, .sub), systems (.sys), boot files (.fboot), or folders of them; fb/ of this project if none
+    is given."""
 
 
 @dataclass(frozen=True)
@@ -216,22 +188,28 @@ class FbDeploy:
 
 @dataclass(frozen=True)
 class FbDiff:
-    """Hold what a device has against a system: blocks, connections and values.
+    """Compare two files, two folders of them, or a system with what a device has.
 
-    The resources must have been built by `dtwin fb deploy`. Prints a line for every difference: - what only the
-    device has, + what only the system has, ~ a value that is another one. The exit status is 1 if there is one.
+    Prints a line for every difference: - what only the first has, + what only the second has, ~ what says something
+    else; of code the lines that differ. Coordinates do not count. Of a device, - is what only the device has, and +
+    what only the system has; its resources must have been built by `dtwin fb deploy`. The exit status is 1 if there
+    is a difference.
     """
 
     system: tyro.conf.Positional[Path]
-    """System (.sys) that the device is held against."""
+    """File or folder, or the system (.sys) that a device is held against."""
     address: tyro.conf.Positional[str]
-    """HOST:PORT or unix:FOLDER/PORT of the device management."""
+    """File or folder that is compared with it, or HOST:PORT or unix:FOLDER/PORT of the device management."""
     device: str = ""
     """Device of the system; needed only if the system has several."""
     blocks: Path | None = None
     """Folder of the block types; without it the folder of the system."""
 
     def execute(self) -> int:
+        if Path(self.address).exists():
+            differ = compare(self.system, Path(self.address))
+            print(f"files that differ: {differ}")
+            return int(differ > 0)
         library = Library([self.blocks or self.system.parent])
         chosen = _chosen(_planners(library, library.load_system(self.system)), self.device)
         lines = []
@@ -253,10 +231,6 @@ def _chosen(planners: dict[str, list[Planner]], device: str) -> list[Planner]:
 
 def _done(plan: Deployment) -> str:
     return f"{plan.resource} runs: {len(plan.types)} block types, {len(plan.commands)} requests"
-
-
-def _files(path: Path) -> list[Path]:
-    return sorted(file for file in path.rglob("*") if file.suffix in SUFFIXES) if path.is_dir() else [path]
 
 
 def _planners(library: Library, system: model.System) -> dict[str, list[Planner]]:

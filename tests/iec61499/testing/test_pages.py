@@ -7,6 +7,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+from iec61499.lint.settings import read_settings
+
 ROOT = Path(__file__).resolve().parents[3]
 
 
@@ -16,6 +18,14 @@ def test_the_tests_of_the_page_pass(tmp_path: Path) -> None:
         (tmp_path / f"test_page_{number}.py").write_text(text)
     (tmp_path / "EVENT_COUNTER.fbt").write_bytes((ROOT / "fb" / "EVENT_COUNTER.fbt").read_bytes())
     assert "2 passed" in run_in(tmp_path, "test_page_0.py")
+
+
+def test_the_settings_of_the_page_are_read(tmp_path: Path) -> None:
+    (text,) = re.findall(r"```toml\n(.*?)```", (ROOT / "docs" / "block-tools.md").read_text(), re.DOTALL)
+    (tmp_path / "fb.toml").write_text(text)
+    settings = read_settings(tmp_path / "fb.toml")
+    assert settings.rules == {"never-read": "warning", "unused-input": "off"}
+    assert [allowed.rule for allowed in settings.allow] == ["event-loop"]
 
 
 def test_the_sequences_of_the_cell_execute_every_state_and_line_of_their_types(tmp_path: Path) -> None:

@@ -1,0 +1,1 @@
+"""Rules for function blocks: what is right, but hardly meant."""

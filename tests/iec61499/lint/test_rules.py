@@ -1,0 +1,123 @@
+"""The rules of `fb check`: each finds its case in a type that is otherwise right, and nothing in one that is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from iec61499.lint.check import check
+from iec61499.lint.findings import RULES
+from iec61499.lint.settings import Settings
+
+TYPE = """<FBType Name="T"><InterfaceList>
+<EventInputs><Event Name="REQ"><With Var="A"/><With Var="N"/></Event>EVENTS</EventInputs>
+<EventOutputs><Event Name="CNF"><With Var="B"/></Event></EventOutputs>
+<InputVars><VarDeclaration Name="A" Type="INT"/><VarDeclaration Name="N" Type="LREAL"/>INPUTS</InputVars>
+<OutputVars><VarDeclaration Name="B" Type="DINT"/>OUTPUTS</OutputVars></InterfaceList>
+<BasicFB><InternalVars><VarDeclaration Name="K" Type="INT"/>INTERNALS</InternalVars>
+<ECC><ECState Name="START"/><ECState Name="DO"><ECAction Algorithm="WORK" Output="CNF"/></ECState>STATES
+<ECTransition Source="START" Destination="DO" Condition="REQ"/>
+<ECTransition Source="DO" Destination="START" Condition="1"/>TRANSITIONS</ECC>
+<Algorithm Name="WORK"><ST><![CDATA[K := A;
+IF N > 1.0 THEN
+  B := K;
+END_IF;
+CODE]]></ST></Algorithm>ALGORITHMS</BasicFB></FBType>"""
+PLACES = ("EVENTS", "INPUTS", "OUTPUTS", "INTERNALS", "STATES", "TRANSITIONS", "CODE", "ALGORITHMS")
+CASES = {
+    "unused-variable": {"INTERNALS": '<VarDeclaration Name="SPARE" Type="INT"/>'},
+    "never-read": {"INTERNALS": '<VarDeclaration Name="W" Type="INT"/>', "CODE": "W := A;"},
+    "never-written": {"INTERNALS": '<VarDeclaration Name="R" Type="INT"/>', "CODE": "B := R;"},
+    "unused-input": {
+        "EVENTS": '<Event Name="E"><With Var="C"/></Event>',
+        "INPUTS": '<VarDeclaration Name="C" Type="INT"/>',
+    },
+    "not-sampled": {"INPUTS": '<VarDeclaration Name="C" Type="INT"/>', "CODE": "B := C;"},
+    "not-published": {"OUTPUTS": '<VarDeclaration Name="O" Type="INT"/>', "CODE": "O := 1;"},
+    "constant-without-value": {"CODE": "B := C;"},
+    "unused-algorithm": {"ALGORITHMS": '<Algorithm Name="SPARE"><ST>K := 1;</ST></Algorithm>'},
+    "reserved-name": {"INTERNALS": '<VarDeclaration Name="DWORD" Type="INT"/>'},
+    "unreachable-state": {"STATES": '<ECState Name="ISLAND"/>'},
+    "stuck-state": {
+        "STATES": '<ECState Name="END"/>',
+        "TRANSITIONS": '<ECTransition Source="START" Destination="END" Condition="[A = 3]"/>',
+    },
+    "transition-never-fires": {
+        "TRANSITIONS": '<ECTransition Source="START" Destination="START" Condition="REQ[A = 3]"/>'
+    },
+    "condition-is-constant": {
+        "TRANSITIONS": '<ECTransition Source="START" Destination="START" Condition="[FALSE]"/>'
+    },
+    "endless-chart": {
+        "STATES": '<ECState Name="X"/>',
+        "TRANSITIONS": '<ECTransition Source="START" Destination="X" Condition="[A = 3]"/>'
+        '<ECTransition Source="X" Destination="X" Condition="1"/>',
+    },
+    "ignored-event": {"EVENTS": '<Event Name="E"/>'},
+    "duplicate-case-label": {"CODE": "CASE A OF 1..3: K := 1; 2: K := 2; END_CASE;"},
+    "unreachable-code": {"CODE": "RETURN; K := 1;"},
+    "no-effect": {"CODE": "K := K;"},
+    "narrow-arithmetic": {"CODE": "B := A * K;"},
+    "real-equality": {"CODE": "IF N = N THEN K := 1; END_IF;"},
+}
+NETWORK = """<FBType Name="T"><InterfaceList><EventInputs><Event Name="GO"/></EventInputs></InterfaceList><FBNetwork>
+<FB Name="ONE" Type="STEP"/><FB Name="TWO" Type="STEP"/>
+<EventConnections>CONNECTIONS</EventConnections></FBNetwork></FBType>"""
+STEP = """<FBType Name="STEP"><InterfaceList><EventInputs><Event Name="REQ"/></EventInputs>
+<EventOutputs><Event Name="CNF"/></EventOutputs></InterfaceList><BasicFB><ECC>
+<ECState Name="START"/><ECState Name="DO"><ECAction Output="CNF"/></ECState>
+<ECTransition Source="START" Destination="DO" Condition="REQ"/>
+<ECTransition Source="DO" Destination="START" Condition="1"/></ECC></BasicFB></FBType>"""
+
+
+def found_in(folder: Path, text: str, settings: Settings | None = None) -> dict[str, int]:
+    """Rules and lines of what is found in a type."""
+    file = folder / "T.fbt"
+    file.write_text(text)
+    return {finding.rule: finding.line for finding in check([file], folder, "embedded", settings or Settings())}
+
+
+def type_with(parts: dict[str, str]) -> str:
+    text = TYPE
+    for place in PLACES:
+        text = text.replace(place, parts.get(place, ""))
+    return text
+
+
+def test_nothing_is_found_in_what_is_right(tmp_path: Path) -> None:
+    assert found_in(tmp_path, type_with({})) == {}
+
+
+@pytest.mark.parametrize("rule", CASES)
+def test_each_rule_finds_its_case(tmp_path: Path, rule: str) -> None:
+    text = type_with(CASES[rule])
+    if rule == "constant-without-value":
+        constant = '<InternalConstVars><VarDeclaration Name="C" Type="INT"/></InternalConstVars><ECC>'
+        text = text.replace("<ECC>", constant, 1)
+    assert rule in found_in(tmp_path, text)
+
+
+def test_each_case_is_found_where_it_is(tmp_path: Path) -> None:
+    assert found_in(tmp_path, type_with(CASES["duplicate-case-label"])) == {"duplicate-case-label": 14}
+    assert found_in(tmp_path, type_with(CASES["unreachable-code"])) == {"unreachable-code": 14}
+
+
+def test_events_of_networks(tmp_path: Path) -> None:
+    (tmp_path / "STEP.fbt").write_text(STEP)
+    line = '<Connection Source="{}" Destination="{}"/>'
+    once = line.format("GO", "ONE.REQ")
+    assert found_in(tmp_path, NETWORK.replace("CONNECTIONS", once)) == {"never-triggered": 2}
+    through = once + line.format("ONE.CNF", "TWO.REQ")
+    assert found_in(tmp_path, NETWORK.replace("CONNECTIONS", through)) == {}
+    back = through + line.format("TWO.CNF", "ONE.REQ")
+    assert found_in(tmp_path, NETWORK.replace("CONNECTIONS", back)) == {"event-loop": 3}
+
+
+def test_mistakes_are_told_beside_what_the_rules_find(tmp_path: Path) -> None:
+    parts = {"CODE": "UNKNOWN := 1;", "STATES": '<ECState Name="ISLAND"/>'}
+    assert {"invalid", "unreachable-state"} <= {*found_in(tmp_path, type_with(parts))}
+
+
+def test_every_rule_has_a_sentence() -> None:
+    assert all(rule.text.endswith(".") and rule.name == name for name, rule in RULES.items())
