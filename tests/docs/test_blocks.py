@@ -151,7 +151,7 @@ HELD: Final = {
     ("docs/zenoh.md", "text"): "rules of nftables, which need a machine's firewall",
 }
 """By page and language: the test that holds the blocks, or why none does."""
-STATUSES: Final = {"monitor": (0, 1), "doctor": (0, 1), "identify": (0, 1)}
+STATUSES: Final = {"fb format": (0, 1), "monitor": (0, 1), "doctor": (0, 1), "identify": (0, 1)}
 """What else than 0 may come of a command: a finding, something missing, a doubt."""
 ALL: Final = list(blocks())
 LINES: Final = [
