@@ -19,6 +19,8 @@ _TRIANGLE: Final = np.tril_indices(4)
 _DIAGONAL: Final = np.flatnonzero(_TRIANGLE[0] == _TRIANGLE[1])
 _LEAST: Final = 1e-6
 """Least eigenvalue of a pseudo-inertia that the search begins with, in parts of its largest."""
+_FARTHEST: Final = 12.0
+"""Largest change of a number of L, or of the logarithm of one of its diagonal."""
 _STEP: Final = 1e-30
 
 
@@ -90,5 +92,6 @@ def nearest_possible(estimate: Array, precision: Array, start: Array) -> Array:
         return root @ found
 
     begin = np.concatenate([from_body(body) for body in start.reshape(-1, 10)])
-    found = least_squares(residual, begin, jac=slope, method="trf", x_scale="jac", max_nfev=200)
+    room = (begin - _FARTHEST, begin + _FARTHEST)
+    found = least_squares(residual, begin, jac=slope, bounds=room, x_scale="jac", max_nfev=200)
     return to_body(found.x.reshape(-1, 10)).ravel()

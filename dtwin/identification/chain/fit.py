@@ -22,6 +22,8 @@ _ROUNDS: Final = 4
 """times that residuals set the weights; the third changes them by less than a per cent"""
 _ROUNDING: Final = 1e-12
 """added to a diagonal of ones, so that unknowns that nothing determines stay finite"""
+_FARTHEST: Final = 0.7
+"""Largest change of the logarithm of a gain between two rounds of weights."""
 _NEVER: Final = 1e12
 """Precision that holds an unknown at its prior, relative to the unit's square."""
 
@@ -139,7 +141,8 @@ def _gains(
         return float(value), gradient
 
     start = np.log(found.gain[free] / prior.gain[free])
-    return gains(minimize(cost, start, jac=True, method="BFGS", options={"gtol": 1e-2, "maxiter": 60}).x)
+    bounds = [(value - _FARTHEST, value + _FARTHEST) for value in start]
+    return gains(minimize(cost, start, jac=True, method="L-BFGS-B", bounds=bounds, options={"gtol": 1e-2}).x)
 
 
 def _slopes(products: Array, found: Fit) -> Array:

@@ -1,0 +1,334 @@
+"""From measurements of an arm to its parameters, with intervals and what the data do not tell."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from dtwin.arm.chain import Arm, Array
+from dtwin.errors import IdentificationError
+from dtwin.identification.chain.consistency import nearest_possible
+from dtwin.identification.chain.design import Design, Filtering, Smooth, rows_of, scales_of, smooth
+from dtwin.identification.chain.fit import Fit, Prior, fit, squares
+from dtwin.identification.chain.friction import CANDIDATES, Group
+from dtwin.identification.chain.intervals import covariance_of
+from dtwin.identification.chain.moments import FOLDS, Moments, columns, layout_of, moments_of
+from dtwin.measurements.measurement import Measurement
+
+_BETTER: Final = 0.99
+"""Held-out error, relative to that without, below which a group of terms has proved itself."""
+_WEIGHED: Final = 1e-3
+"""Relative standard deviation of a load that was weighed."""
+_SESSION: Final = 0.01
+"""Relative standard deviation of a drive's constant between sessions: 0.1 % a kelvin for usual magnets, 10 K."""
+_UNKNOWN_GAIN: Final = 1.0
+"""Standard deviation of the logarithm of a gain that nobody knows."""
+_WIDE: Final = 10.0
+"""Deviation of a basic friction term, in parts of the joint's usual effort."""
+_NARROW: Final = 0.3
+"""Deviation of any other friction term; a factor of ten to both sides changes the held-out error by a hundredth."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sample:
+    """A measurement and what the arm held meanwhile.
+
+    Attributes:
+        measurement: the measurement.
+        load: name of the load; "" for an empty hand.
+    """
+
+    measurement: Measurement
+    load: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """How an arm is identified.
+
+    Attributes:
+        masses: mass of each load that was weighed, kg, by its name; others are found.
+        groups: friction terms beside the basic ones; None lets held-out motion choose.
+        filtering: how measurements are cleared of noise.
+    """
+
+    masses: Mapping[str, float] = field(default_factory=dict)
+    groups: tuple[Group, ...] | None = None
+    filtering: Filtering = field(default_factory=Filtering)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Identification:
+    """An identified arm.
+
+    Attributes:
+        arm: the arm with the parameters that were found; each link is a body that can be.
+        design: the equations.
+        moments: their sums.
+        prior: what was known before.
+        found: the estimate.
+        covariance: of the used unknowns, then of the logarithms of the gains.
+        groups: friction terms that proved themselves.
+        held_out: error of each choice of groups on motion that it was not fitted to, in parts of the effort, (n,).
+    """
+
+    arm: Arm
+    design: Design
+    moments: Moments
+    prior: Prior
+    found: Fit
+    covariance: Array
+    groups: tuple[Group, ...]
+    held_out: Mapping[tuple[Group, ...], Array]
+
+    def deviation(self, position: int) -> float:
+        """Standard deviation of an unknown; inf where it was not used."""
+        used = np.flatnonzero(self.found.used)
+        place = np.searchsorted(used, position)
+        if place >= len(used) or used[place] != position:
+            return float("inf")
+        return float(np.sqrt(self.covariance[place, place]))
+
+    def gain_deviations(self) -> Array:
+        """Relative standard deviations of the gains, (n,)."""
+        n = len(self.arm)
+        deviations: Array = np.sqrt(np.diag(self.covariance)[-n:])
+        return deviations
+
+    def load(self, name: str) -> tuple[float, float]:
+        """Mass of a load and its standard deviation, kg; drives that warm up from session to session are in it."""
+        place = self.moments.layout.load(name).start
+        mass = float(self.found.unknowns[place])
+        return mass, float(np.hypot(self.deviation(place), _SESSION * mass))
+
+    def predicted(self, measurement: Measurement, load: str = "") -> tuple[Array, Array]:
+        """Effort of another measurement as measured and as predicted, both filtered, (N, n), N m (N)."""
+        design = self.design
+        carried = _with_load(self.moments, self.found, load)
+        rows = [
+            rows_of(self.arm, stretch, design.scales, design.filtering, measurement.source, load, carried)[0]
+            for stretch in smooth(measurement, design.filtering)
+        ]
+        if not rows:
+            raise IdentificationError(f"{measurement.source}: expected a longer stretch without a gap")
+        layout = self.moments.layout
+        expected = [columns(layout, row) @ self.found.unknowns for row in rows]
+        return np.concatenate([row.effort * self.found.gain for row in rows]), np.concatenate(expected)
+
+
+def unexplained(measured: Array, predicted: Array) -> Array:
+    """Root mean square of what is not explained, in parts of the standard deviation of what was measured, (n,)."""
+    share: Array = np.sqrt(np.mean((measured - predicted) ** 2, axis=0)) / measured.std(axis=0)
+    return share
+
+
+def identify(arm: Arm, samples: Sequence[Sample], settings: Settings | None = None) -> Identification:
+    """Identifies an arm.
+
+    Args:
+        arm: the arm as it is known; its parameters are the prior.
+        samples: measurements with what was held.
+        settings: how.
+
+    Raises:
+        IdentificationError: the measurements do not tell enough, such as currents without any known gain or load.
+    """
+    settings = settings or Settings()
+    _check(arm, samples, settings)
+    stretches = [(s, part) for s in samples for part in smooth(s.measurement, settings.filtering)]
+    if not stretches:
+        raise IdentificationError("expected a stretch of motion without a gap of at least two seconds")
+    rough = moments_of(first := _design(arm, stretches, settings, None))
+    prior = _prior(first, rough, settings)
+    start = fit(rough, prior, _used(first, CANDIDATES))
+    carried = {sample.load: _with_load(rough, start, sample.load) for sample in samples}
+    design = _design(arm, stretches, settings, carried)
+    moments = moments_of(design)
+    prior = _prior(design, moments, settings)
+    groups, held_out = _chosen(design, moments, prior, settings)
+    found = fit(moments, prior, _used(design, groups))
+    possible = _possible(design, moments, prior, found)
+    covariance = covariance_of(design, moments, prior, possible)
+    inertial = possible.unknowns[: 10 * len(arm)]
+    return Identification(
+        arm.with_parameters(inertial), design, moments, prior, possible, covariance, groups, held_out
+    )
+
+
+def _check(arm: Arm, samples: Sequence[Sample], settings: Settings) -> None:
+    for sample in samples:
+        if sample.measurement.q.shape[1] != len(arm):
+            got = f"{sample.measurement.q.shape[1]} in {sample.measurement.source}"
+            raise IdentificationError(f"expected {len(arm)} joints, as {arm.name} has, got {got}")
+    kinds = {sample.measurement.kind for sample in samples}
+    if len(kinds) > 1:
+        raise IdentificationError(
+            f"expected one kind of effort in all measurements, got {' and '.join(sorted(kinds))}"
+        )
+    known = all(joint.actuator.constant is not None for joint in arm.joints)
+    if kinds != {"torque"} and not known and not settings.masses:
+        raise IdentificationError(
+            f"the {kinds.pop()}s have no scale: expected the constant of every actuator in the arm's file, or a "
+            "measurement with a load whose mass is known"
+        )
+    for name in settings.masses:
+        if name not in {sample.load for sample in samples}:
+            raise IdentificationError(f"load {name!r}: expected a measurement with it")
+
+
+def _design(
+    arm: Arm, stretches: Sequence[tuple[Sample, Smooth]], settings: Settings, carried: Mapping[str, Array] | None
+) -> Design:
+    scales = scales_of([stretch for _, stretch in stretches])
+    rows, terms = [], None
+    for sample, stretch in stretches:
+        by_load = None if carried is None else carried[sample.load]
+        row, terms = rows_of(
+            arm, stretch, scales, settings.filtering, sample.measurement.source, sample.load, by_load
+        )
+        if len(row.effort):
+            rows.append(row)
+    if not rows or terms is None:
+        raise IdentificationError("expected motion, but no joint moves")
+    return Design(
+        arm, tuple(rows), tuple(t.names for t in terms), tuple(t.groups for t in terms), scales, settings.filtering
+    )
+
+
+def _with_load(moments: Moments, found: Fit, load: str) -> Array:
+    """Inertial parameters of the links, the last one with what it holds, (10 n,)."""
+    layout = moments.layout
+    carried = found.unknowns[: 10 * layout.joints].copy()
+    if load and load in layout.loads:
+        carried[-10:] += found.unknowns[layout.load(load)]
+    return carried
+
+
+def _used(design: Design, groups: Sequence[Group]) -> np.ndarray:
+    """Which unknowns are estimated with these groups of terms, (size,)."""
+    layout = layout_of(design)
+    used = np.ones(layout.size, dtype=bool)
+    for joint, mine in enumerate(design.groups):
+        used[layout.friction(joint)] = [group == "basic" or group in groups for group in mine]
+    return used
+
+
+def _prior(design: Design, moments: Moments, settings: Settings) -> Prior:
+    """The data sheet, told widely: a body's mass may be twice as large, its moments anything of its size."""
+    arm, layout = design.arm, moments.layout
+    products, count = moments.without(None)
+    mean, deviation = np.zeros(layout.size), np.full(layout.size, np.inf)
+    mean[: 10 * len(arm)] = arm.parameters
+    total = sum(link.mass for link in arm.links)
+    reach = max(float(np.linalg.norm(joint.translation)) for joint in arm.joints) or 0.1
+    unit = np.array([1.0, *[reach] * 3, *[reach**2] * 6])
+    for link, body in enumerate(arm.links):
+        deviation[10 * link : 10 * link + 10] = max(body.mass, 0.05 * total) * unit
+    for name in layout.loads:
+        place = layout.load(name)
+        deviation[place] = 0.3 * total * unit
+        if name in settings.masses:
+            mean[place.start], deviation[place.start] = settings.masses[name], _WEIGHED * settings.masses[name]
+    gain, gain_deviation = _gain_prior(design, products, count)
+    for joint, groups in enumerate(design.groups):
+        place = layout.friction(joint)
+        size = np.sqrt(np.diag(products[joint])[place] / count) + 1e-12
+        effort = gain[joint] * np.sqrt(products[joint, -1, -1] / count)
+        deviation[place] = np.where(np.array(groups) == "basic", _WIDE, _NARROW) * effort / size
+    return Prior(mean, deviation, gain, gain_deviation)
+
+
+def _gain_prior(design: Design, products: Array, count: float) -> tuple[Array, Array]:
+    """Gains as the arm's file gives them; where it does not, as the data sheet's masses would have them."""
+    actuators = [joint.actuator for joint in design.arm.joints]
+    wanted = np.array([a.commanded in ("current", "voltage") or a.constant is not None for a in actuators])
+    known = np.array([np.nan if a.constant is None else a.constant for a in actuators])
+    tolerance = np.array([_UNKNOWN_GAIN if a.constant is None else a.tolerance for a in actuators])
+    by_weight = np.array([_by_weight(design, products[joint], joint) for joint in range(len(actuators))])
+    likely = np.nanmedian(by_weight) if np.isfinite(by_weight).any() else 1.0
+    guessed = np.where(np.isfinite(by_weight), by_weight, likely)
+    gain = np.where(np.isfinite(known), known, guessed)
+    return np.where(wanted, gain, 1.0), np.where(wanted, tolerance, 0.0)
+
+
+def _by_weight(design: Design, products: Array, joint: int) -> float:
+    """The gain by which the effort explains the torque of the data sheet's arm, beside basic friction.
+
+    NaN where it explains next to nothing.
+    """
+    layout = layout_of(design)
+    place = layout.friction(joint)
+    basic = place.start + np.flatnonzero(np.array(design.groups[joint]) == "basic")
+    inertial = np.zeros(layout.size + 1)
+    inertial[: 10 * len(design.arm)] = design.arm.parameters
+    directions = np.stack([inertial, *np.eye(layout.size + 1)[basic]])
+    normal = directions @ products @ directions.T
+    right = directions @ products[:, -1]
+    inverse = np.linalg.pinv(normal, rcond=1e-10)
+    slope = float((inverse @ right)[0])
+    explained = slope**2 / inverse[0, 0] / products[-1, -1]
+    return 1.0 / slope if slope > 0.0 and explained > 0.01 else float("nan")
+
+
+def _chosen(
+    design: Design, moments: Moments, prior: Prior, settings: Settings
+) -> tuple[tuple[Group, ...], dict[tuple[Group, ...], Array]]:
+    """The groups of terms that make the error less on motion that they were not fitted to, one after the other."""
+    there = {group for groups in design.groups for group in groups}
+    if settings.groups is not None:
+        return settings.groups, {}
+    errors: dict[tuple[Group, ...], Array] = {}
+    start = fit(moments, prior, _used(design, ()))
+
+    def error(groups: tuple[Group, ...]) -> float:
+        errors[groups] = _held_out(moments, prior, _used(design, groups), start)
+        return float(np.exp(np.log(errors[groups]).mean()))
+
+    chosen: tuple[Group, ...] = ()
+    best = error(chosen)
+    left = [group for group in CANDIDATES if group in there]
+    while left:
+        tried = {group: error((*chosen, group)) for group in left}
+        group = min(tried, key=lambda name: tried[name])
+        if tried[group] > _BETTER * best:
+            break
+        chosen, best = (*chosen, group), tried[group]
+        left.remove(group)
+    return chosen, errors
+
+
+def _held_out(moments: Moments, prior: Prior, used: np.ndarray, start: Fit) -> Array:
+    """Error on each fold of what was fitted to the others, in parts of the effort, (n,)."""
+    total = np.zeros(moments.layout.joints)
+    for fold in range(FOLDS):
+        found = fit(moments, prior, used, fold, start)
+        total += squares(moments.products[fold], found)
+    effort = moments.products[:, :, -1, -1].sum(axis=0)
+    share: Array = np.sqrt(total / effort)
+    return share
+
+
+def _possible(design: Design, moments: Moments, prior: Prior, found: Fit) -> Fit:
+    """The estimate with bodies that can be; the friction that goes with them is found anew."""
+    inertial = moments.layout.inertial.stop
+    used = np.flatnonzero(found.used)
+    rest = slice(inertial, len(used))
+    hessian = found.hessian
+    inner = hessian[:inertial, :inertial] - hessian[:inertial, rest] @ np.linalg.solve(
+        hessian[rest, rest], hessian[rest, :inertial]
+    )
+    estimate = found.unknowns[:inertial]
+    start = prior.mean[:inertial].copy()
+    for name in moments.layout.loads:
+        place = moments.layout.load(name)
+        mass = abs(estimate[place.start]) + 1e-3
+        start[place] = [mass, 0.0, 0.0, 0.0, *(1e-2 * mass * np.array([1.0, 0.0, 1.0, 0.0, 0.0, 1.0]))]
+    bodies = nearest_possible(estimate, inner, start)
+    change = np.linalg.solve(hessian[rest, rest], hessian[rest, :inertial] @ (bodies - estimate))
+    unknowns = found.unknowns.copy()
+    unknowns[:inertial] = bodies
+    unknowns[used[rest]] -= change
+    return Fit(unknowns, found.gain, found.noise, found.used, found.hessian)
