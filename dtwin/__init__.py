@@ -13,6 +13,9 @@ if TYPE_CHECKING:
     from dtwin.api.identification import identify as identify
     from dtwin.api.live import LiveCell as LiveCell
     from dtwin.api.live import connect as connect
+    from dtwin.api.measurements import identify_chain as identify_chain
+    from dtwin.api.measurements import read_arm as read_arm
+    from dtwin.api.measurements import read_log as read_log
     from dtwin.api.monitoring import Monitored as Monitored
     from dtwin.api.monitoring import monitor as monitor
     from dtwin.api.run import Run as Run
@@ -41,6 +44,9 @@ _MODULES = {
     "from_arrays": "api.run",
     "identify": "api.identification",
     "Identified": "api.identification",
+    "identify_chain": "api.measurements",
+    "read_arm": "api.measurements",
+    "read_log": "api.measurements",
     "monitor": "api.monitoring",
     "Monitored": "api.monitoring",
     "simulate": "api.simulation",

@@ -118,6 +118,7 @@ GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
             "Identify",
             "identify the arm from a log or a simulated experiment",
         ),
+        "log show": Subcommand("measurements.log", "LogShow", "show what is in a log of any arm, and what is odd"),
         "commission": Subcommand(
             "identification.commission", "Commission", "identify a real arm from a log of its work; write a record"
         ),

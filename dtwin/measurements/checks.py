@@ -401,7 +401,7 @@ def _finished(rows: _Rows, arm: Arm | None) -> Measurement:
     if gap.any():
         rows.told(f"gaps of up to {steps[gap].max():.3g} s: each side counts by itself", True, np.append(gap, False))
     names = rows.map.position.columns if arm is None else tuple(joint.name for joint in arm.joints)
-    kind: Effort = "torque"
+    kind: Effort | None = None
     if (role := rows.map.effort) is not None and role.unit:
         kind = EFFORTS[role.unit][1]
     return Measurement(

@@ -44,7 +44,7 @@ class Measurement:
         q: positions, (N, n), rad or m.
         v: velocities where they were logged, (N, n), rad/s or m/s.
         effort: what the actuators gave, (N, n), in the unit of `kind`; None where it was not logged.
-        kind: what `effort` is.
+        kind: what `effort` is; None where nobody said its unit.
         command: commanded positions, (N, n), rad or m; None where they were not logged.
         temperature: temperatures of the drives, (N, n), degrees Celsius.
         starts: first row of every stretch without a gap: an episode, or what follows a gap; begins with 0.
@@ -58,7 +58,7 @@ class Measurement:
     q: Array
     v: Array | None = None
     effort: Array | None = None
-    kind: Effort = "torque"
+    kind: Effort | None = None
     command: Array | None = None
     temperature: Array | None = None
     starts: tuple[int, ...] = (0,)

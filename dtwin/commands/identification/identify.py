@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.table import Table
 
 from dtwin.api.identification import Identified, Measured, fitted, measured
+from dtwin.arm.urdf import read_urdf
 from dtwin.controller.excitation import ExcitationController
 from dtwin.emulation.machine.files import machine_of
 from dtwin.errors import ModelError, ParameterError
@@ -26,6 +27,7 @@ from dtwin.identification.excitation.rig import Rig
 from dtwin.identification.parsing import settings_for
 from dtwin.identification.store import STORE, ModelStore
 from dtwin.logs.reading import read_log
+from dtwin.measurements.columns import read_map
 from dtwin.names import check_name
 from dtwin.parameters import PERIOD, ArmParameters, assignment, load_arm, unit_of
 from dtwin.pictures import save as save_figure
@@ -38,6 +40,8 @@ _DESIGN_NOISE = 0.003
 @dataclass(frozen=True)
 class Identify(MachineOption):
     """Identify the arm's parameters, from a log of the cell or from a simulated 3-2-1-1 experiment.
+
+    With --arm it identifies any other serial arm from logs of other programs (docs/real-logs.md).
 
     The exit status is 1 when the model is in doubt: the search did not converge or ended on a bound, or the residuals
     show that the model is wrong. Such a model is not kept without --anyway.
@@ -82,10 +86,24 @@ class Identify(MachineOption):
     """Draw motion, intervals and correlation to this PNG file."""
     record: Path | None = None
     """Write motion, intervals and correlation to this .rrd file for the Rerun viewer."""
+    arm: Path | None = None
+    """URDF file of another arm, a serial chain of any number of joints: it is identified from the logs alone."""
+    also: list[Path] = field(default_factory=list)
+    """A further log of the same arm (--arm); repeat it."""
+    columns: Path | None = None
+    """TOML file that says what the columns of the logs mean (--arm); guessed if not given, see dtwin log show."""
+    load: list[str] = field(default_factory=list)
+    """What was held in a log (--arm): FILE=KG where it was weighed, FILE=? where it is to be found."""
+    out: Path | None = None
+    """TOML file for all numbers with intervals (--arm)."""
+    urdf: Path | None = None
+    """URDF file for the arm with the bodies that were found (--arm)."""
     json: bool = False
     """Print one JSON object on standard output and nothing else."""
 
     def execute(self) -> int:
+        if self.arm is not None:
+            return self._chain(self.arm)
         if self.seed < 0:
             raise ParameterError(f"--seed: expected a whole number of at least 0, got {self.seed}")
         if self.save is not None:
@@ -113,6 +131,24 @@ class Identify(MachineOption):
         else:
             _print(report, found.estimate, "" if kept or self.save is None else self.save)
         return 1 if found.doubts else 0
+
+    def _chain(self, file: Path) -> int:
+        """Identifies another arm than the thesis's."""
+        from dtwin.commands.identification.chain import report, run, samples_of
+
+        if self.log is None:
+            raise ParameterError("--arm: expected a log, from which the arm is identified")
+        for path, ending in ((self.out, ".toml"), (self.urdf, ".urdf")):
+            if path is not None:
+                ensure_writable(path, ending)
+        arm = read_urdf(file)
+        columns = None if self.columns is None else read_map(self.columns)
+        with Console(stderr=True).status("reading") as status:
+            samples, masses = samples_of(arm, [self.log, *self.also], self.load, columns)
+            status.update("estimating")
+            found = run(arm, samples, masses, self.out, None if self.urdf is None else (file, self.urdf))
+        report(found, samples, self.json)
+        return 0
 
     def _settings(self) -> EstimationSettings:
         known = load_arm(self.known) if self.known is not None else None

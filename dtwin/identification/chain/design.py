@@ -17,7 +17,7 @@ from dtwin.arm.chain import Arm, Array
 from dtwin.equations.rigid import regressor
 from dtwin.errors import IdentificationError
 from dtwin.identification.chain.friction import Group, Scale, Terms, friction_terms
-from dtwin.measurements.measurement import Measurement
+from dtwin.measurements.measurement import Effort, Measurement
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,6 +90,7 @@ class Design:
         groups: groups of the terms of each joint.
         scales: what is usual for each joint.
         filtering: how noise was taken away.
+        kind: what the effort is.
     """
 
     arm: Arm
@@ -98,6 +99,7 @@ class Design:
     groups: tuple[tuple[Group, ...], ...]
     scales: tuple[Scale, ...]
     filtering: Filtering
+    kind: Effort = "torque"
 
 
 def smooth(measurement: Measurement, filtering: Filtering) -> list[Smooth]:

@@ -103,6 +103,14 @@ def friction_terms(
     return Terms(names, groups, np.stack(values, axis=1))
 
 
+def sliding(names: tuple[str, ...], scale: Scale, speed: float) -> Array:
+    """The terms of a joint that slides steadily at a speed without load, (terms,): friction for coefficients of 1."""
+    steady = friction_terms(scale, np.zeros(1), np.full(1, speed), np.zeros(1), np.zeros(1), None)
+    values = dict(zip(steady.names, steady.values[0].tolist(), strict=True))
+    sign = float(np.sign(speed))
+    return np.array([sign if name.startswith("presliding") else values.get(name, 0.0) for name in names])
+
+
 def dahl(q: Array, length: float) -> Array:
     """State of Dahl's element, (N,), between -1 and 1: dz/dq = (sgn(q') - z) / length.
 

@@ -92,6 +92,12 @@ class Identification:
             return float("inf")
         return float(np.sqrt(self.covariance[place, place]))
 
+    def combined(self, weights: Array) -> tuple[float, float]:
+        """A weighted sum of the unknowns, (size,) weights, and its standard deviation."""
+        used = np.flatnonzero(self.found.used)
+        inner = self.covariance[: len(used), : len(used)]
+        return float(weights @ self.found.unknowns), float(np.sqrt(weights[used] @ inner @ weights[used]))
+
     def gain_deviations(self) -> Array:
         """Relative standard deviations of the gains, (n,)."""
         n = len(self.arm)
@@ -163,7 +169,11 @@ def _check(arm: Arm, samples: Sequence[Sample], settings: Settings) -> None:
         if sample.measurement.q.shape[1] != len(arm):
             got = f"{sample.measurement.q.shape[1]} in {sample.measurement.source}"
             raise IdentificationError(f"expected {len(arm)} joints, as {arm.name} has, got {got}")
-    kinds = {sample.measurement.kind for sample in samples}
+        if sample.measurement.kind is None and sample.measurement.effort is not None:
+            raise IdentificationError(
+                f"{sample.measurement.source}: nobody says the unit of the effort: expected it in a map of columns"
+            )
+    kinds = {str(sample.measurement.kind) for sample in samples}
     if len(kinds) > 1:
         raise IdentificationError(
             f"expected one kind of effort in all measurements, got {' and '.join(sorted(kinds))}"
@@ -193,9 +203,9 @@ def _design(
             rows.append(row)
     if not rows or terms is None:
         raise IdentificationError("expected motion, but no joint moves")
-    return Design(
-        arm, tuple(rows), tuple(t.names for t in terms), tuple(t.groups for t in terms), scales, settings.filtering
-    )
+    names, groups = tuple(t.names for t in terms), tuple(t.groups for t in terms)
+    kind = stretches[0][0].measurement.kind or "torque"
+    return Design(arm, tuple(rows), names, groups, scales, settings.filtering, kind)
 
 
 def _with_load(moments: Moments, found: Fit, load: str) -> Array:
@@ -244,14 +254,14 @@ def _prior(design: Design, moments: Moments, settings: Settings) -> Prior:
 def _gain_prior(design: Design, products: Array, count: float) -> tuple[Array, Array]:
     """Gains as the arm's file gives them; where it does not, as the data sheet's masses would have them."""
     actuators = [joint.actuator for joint in design.arm.joints]
-    wanted = np.array([a.commanded in ("current", "voltage") or a.constant is not None for a in actuators])
+    wanted = design.kind != "torque"  # a torque has its scale
     known = np.array([np.nan if a.constant is None else a.constant for a in actuators])
     tolerance = np.array([_UNKNOWN_GAIN if a.constant is None else a.tolerance for a in actuators])
     by_weight = np.array([_by_weight(design, products[joint], joint) for joint in range(len(actuators))])
     likely = np.nanmedian(by_weight) if np.isfinite(by_weight).any() else 1.0
     guessed = np.where(np.isfinite(by_weight), by_weight, likely)
     gain = np.where(np.isfinite(known), known, guessed)
-    return np.where(wanted, gain, 1.0), np.where(wanted, tolerance, 0.0)
+    return (gain, tolerance) if wanted else (np.ones_like(gain), np.zeros_like(gain))
 
 
 def _by_weight(design: Design, products: Array, joint: int) -> float:

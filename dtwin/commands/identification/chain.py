@@ -1,0 +1,106 @@
+"""`dtwin identify LOG --arm FILE`: any serial arm, from logs of other programs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from dtwin.arm.chain import Arm
+from dtwin.errors import ParameterError
+from dtwin.identification.chain.identify import Identification, Sample, Settings, identify
+from dtwin.identification.chain.result import as_object, numbers, write_toml, write_urdf
+from dtwin.measurements.columns import ColumnMap
+from dtwin.measurements.page import oddities
+from dtwin.measurements.reading import read_measurement
+from dtwin.terminal import as_text, print_json, print_table
+
+UNKNOWN = "?"
+"""Stands for the mass of a load that is to be found."""
+
+
+def samples_of(
+    arm: Arm, logs: Sequence[Path], loads: Sequence[str], columns: ColumnMap | None
+) -> tuple[list[Sample], dict[str, float]]:
+    """The measurements with what was held, and the masses that are known.
+
+    Args:
+        arm: the arm.
+        logs: files.
+        loads: what was held, FILE=KG or FILE=?.
+        columns: what the columns mean; None for a guess.
+
+    Raises:
+        ParameterError: a load is not told so, or of no log.
+        RecordingError: a log cannot be read.
+    """
+    held: dict[str, str] = {}
+    masses: dict[str, float] = {}
+    names = [str(log) for log in logs]
+    for text in loads:
+        file, equals, mass = text.rpartition("=")
+        if not equals or file not in names:
+            raise ParameterError(
+                f"--load {text!r}: expected FILE=KG or FILE={UNKNOWN}, FILE one of {', '.join(names)}"
+            )
+        held[file] = Path(file).stem
+        if mass != UNKNOWN:
+            masses[held[file]] = _mass(text, mass)
+    samples = [Sample(read_measurement(log, columns, arm), held.get(str(log), "")) for log in logs]
+    return samples, masses
+
+
+def _mass(text: str, mass: str) -> float:
+    try:
+        value = float(mass)
+    except ValueError:
+        value = float("nan")
+    if not 0.0 < value < 1e4:
+        raise ParameterError(f"--load {text!r}: expected a mass above 0 kg, or {UNKNOWN}")
+    return value
+
+
+def run(
+    arm: Arm, samples: Sequence[Sample], masses: dict[str, float], out: Path | None, urdf: tuple[Path, Path] | None
+) -> Identification:
+    """Identifies the arm and writes what was found.
+
+    Args:
+        arm: the arm as it is known.
+        samples: measurements.
+        masses: masses that are known, kg.
+        out: TOML file to write, if any.
+        urdf: template and the URDF to write, if any.
+    """
+    found = identify(arm, samples, Settings(masses))
+    if out is not None:
+        write_toml(found, out)
+    if urdf is not None:
+        write_urdf(found, *urdf)
+    return found
+
+
+def report(found: Identification, samples: Sequence[Sample], json: bool) -> None:
+    """Prints what was found, for people or for programs."""
+    odd = [f"{s.measurement.source}: {line}" for s in samples for line in oddities(s.measurement)]
+    if json:
+        print_json({**as_object(found), "oddities": odd})
+        return
+    table = Table("", "value, SI units", "95 % interval")
+    rows = list(numbers(found))
+    for row in rows:
+        if row.told:
+            table.add_row(row.name, f"{row.value:.4g}", f"+- {row.half:.2g}")
+    print_table(table)
+    console = Console(highlight=False, soft_wrap=True)
+    for line in [*odd, *found.arm.remarks]:
+        console.print(as_text(line))
+    console.print(as_text(f"friction: basic, {', '.join(found.groups) or 'nothing else proved itself'}"))
+    errors = found.held_out.get(found.groups)
+    if errors is not None:
+        told = ", ".join(f"{100 * error:.1f} %" for error in errors)
+        console.print(as_text(f"effort that is not explained on motion that was held out, by joint: {told}"))
+    silent = [row.name for row in rows if not row.told]
+    console.print(as_text(f"not told by the data, as it was known: {', '.join(silent) or 'nothing'}"))

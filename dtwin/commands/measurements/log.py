@@ -1,0 +1,79 @@
+"""`dtwin log show`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from rich.console import Console
+from rich.table import Table
+
+from dtwin.arm.urdf import read_urdf
+from dtwin.files import ensure_writable, replacing
+from dtwin.measurements.checks import measurement_of
+from dtwin.measurements.columns import checked_map, guess_map, map_text, read_map
+from dtwin.measurements.doors import read_table
+from dtwin.measurements.measurement import Measurement
+from dtwin.measurements.page import HEAD, oddities, page, rows_of, summary
+from dtwin.terminal import as_text, print_json, print_table
+
+
+@dataclass(frozen=True)
+class LogShow:
+    """Show what is in a log of any arm, what its columns are taken for, and what is odd.
+
+    The exit status is 1 when something is odd that could not be repaired.
+    """
+
+    log: Annotated[Path, tyro.conf.Positional]
+    """CSV, Parquet, NPZ or MAT file, or the folder of a LeRobot data set."""
+    columns: Path | None = None
+    """TOML file that says what the columns mean; guessed if not given."""
+    arm: Path | None = None
+    """URDF file of the arm, by whose joints and limits the log is checked."""
+    map: Path | None = None
+    """Write what the columns are taken for to this TOML file, to be corrected and given as --columns."""
+    page: Path | None = None
+    """Write the page to this HTML file."""
+    json: bool = False
+    """Print one JSON object on standard output and nothing else."""
+
+    def execute(self) -> int:
+        for path, ending in ((self.map, ".toml"), (self.page, ".html")):
+            if path is not None:
+                ensure_writable(path, ending)
+        arm = None if self.arm is None else read_urdf(self.arm)
+        joints = None if arm is None else len(arm)
+        table = read_table(self.log)
+        columns = guess_map(table, joints) if self.columns is None else read_map(self.columns)
+        checked_map(columns, table, joints)
+        if self.map is not None:
+            with replacing(self.map) as temporary:
+                temporary.write_text(map_text(columns), encoding="utf-8")
+        found = measurement_of(table, columns, arm)
+        if self.page is not None:
+            with replacing(self.page) as temporary:
+                temporary.write_text(page(found, map_text(columns)), encoding="utf-8")
+        if self.json:
+            joints_rows = [dict(zip(HEAD, row, strict=True)) for row in rows_of(found)]
+            print_json({"summary": summary(found), "joints": joints_rows, "odd": oddities(found)})
+        else:
+            self._print(found, map_text(columns))
+        return 1 if any(not odd.repaired for odd in found.oddities) else 0
+
+    def _print(self, found: Measurement, columns: str) -> None:
+        console = Console(highlight=False, soft_wrap=True)
+        for line in summary(found):
+            console.print(as_text(line))
+        table = Table(*HEAD)
+        for row in rows_of(found):
+            table.add_row(*row)
+        print_table(table)
+        for line in oddities(found) or ["nothing is odd"]:
+            console.print(as_text(line))
+        source = "guessed; --map FILE writes it" if self.columns is None else f"as {self.columns} says"
+        console.print(as_text(f"columns, {source}:"))
+        for line in columns.splitlines():
+            console.print(as_text(line))

@@ -1,0 +1,177 @@
+"""What was found of an arm, as rows for people and as files: TOML with intervals, URDF with the new bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from lxml import etree
+
+from dtwin.arm.chain import INERTIAL, Array, Link
+from dtwin.errors import ModelError
+from dtwin.files import replacing
+from dtwin.identification.chain.friction import sliding
+from dtwin.identification.chain.identify import Identification
+
+NINETY_FIVE: Final = 1.96
+"""Half width of a 95 % interval in standard deviations."""
+_TOLD: Final = 0.5
+"""Part of the prior's deviation that is left where the data tell a number."""
+
+
+@dataclass(frozen=True, slots=True)
+class Number:
+    """One number that was estimated.
+
+    Attributes:
+        name: its name, such as shoulder viscous.
+        value: estimate, SI units.
+        half: half width of its 95 % interval.
+        told: whether the data tell it; else it is what was known before.
+    """
+
+    name: str
+    value: float
+    half: float
+    told: bool
+
+
+def numbers(found: Identification) -> Iterator[Number]:
+    """All numbers: gains, friction joint by joint, then bodies, then loads.
+
+    Friction is told as its sum, sliding steadily at the joint's usual speed and at a tenth of it in both directions: its
+    terms are alike, and apart they say little.
+    """
+    layout, prior = found.moments.layout, found.prior
+    for joint, deviation in enumerate(found.gain_deviations()):
+        before = prior.gain_deviation[joint]
+        if before:
+            value = float(found.found.gain[joint])
+            told = bool(deviation < _TOLD * before)
+            yield Number(f"{found.arm.joints[joint].name} gain", value, NINETY_FIVE * value * deviation, told)
+    for joint in range(len(found.arm)):
+        yield from _friction(found, joint)
+    for link, body in enumerate(found.arm.links):
+        for k, name in enumerate(INERTIAL):
+            yield _single(found, f"{body.name} {name}", 10 * link + k)
+    for load in layout.loads:
+        mass, deviation = found.load(load)
+        yield Number(f"load {load} m", mass, NINETY_FIVE * deviation, True)
+
+
+def _friction(found: Identification, joint: int) -> Iterator[Number]:
+    name, names, scale = found.arm.joints[joint].name, found.design.names[joint], found.design.scales[joint]
+    place = found.moments.layout.friction(joint)
+    used = found.found.used[place]
+    for speed in (0.1 * scale.speed, -0.1 * scale.speed, scale.speed, -scale.speed):
+        yield _sum(found, f"{name} friction at {speed:+.3g}", place, sliding(names, scale, speed) * used)
+    by_load = np.array([term.startswith("load") for term in names]) * used
+    if by_load.any():
+        yield _sum(found, f"{name} friction by load", place, by_load.astype(float))
+    if used[names.index("rotor")]:
+        yield _single(found, f"{name} rotor", place.start + names.index("rotor"))
+
+
+def _sum(found: Identification, name: str, place: slice, weights: Array) -> Number:
+    every = np.zeros(found.moments.layout.size)
+    every[place] = weights
+    value, deviation = found.combined(every)
+    before = np.where(weights != 0.0, found.prior.deviation[place], 0.0)
+    told = deviation < _TOLD * float(np.linalg.norm(weights * before))
+    return Number(name, value, NINETY_FIVE * deviation, bool(told))
+
+
+def _single(found: Identification, name: str, position: int) -> Number:
+    return _sum(found, name, slice(position, position + 1), np.ones(1))
+
+
+def as_object(found: Identification) -> dict[str, Any]:
+    """All that was found, as values for JSON and TOML."""
+    rows = list(numbers(found))
+    held_out = found.held_out.get(found.groups)
+    return {
+        "arm": found.arm.name,
+        "sources": sorted({rows.source for rows in found.design.rows}),
+        "friction": ["basic", *found.groups],
+        "held_out": {} if held_out is None else dict(zip(_names(found), held_out.tolist(), strict=True)),
+        "numbers": {row.name: {"value": row.value, "half": row.half, "told": row.told} for row in rows},
+        "not_told": [row.name for row in rows if not row.told],
+    }
+
+
+def _names(found: Identification) -> list[str]:
+    return [joint.name for joint in found.arm.joints]
+
+
+def write_toml(found: Identification, path: Path) -> None:
+    """Writes all that was found.
+
+    Raises:
+        RecordingError: the path cannot be written.
+    """
+    content = as_object(found)
+    lines = [f"{name} = {_text(content[name])}" for name in ("arm", "sources", "friction", "not_told")]
+    lines += ["", "# error on motion that was not fitted, in parts of the effort", "[held_out]"]
+    lines += [f"{_text(name)} = {value:.6g}" for name, value in content["held_out"].items()]
+    lines += ["", "# value, half width of the 95 % interval, whether the data tell it; SI units", "[numbers]"]
+    for name, number in content["numbers"].items():
+        told = "true" if number["told"] else "false"
+        lines.append(f"{_text(name)} = {{ value = {number['value']!r}, half = {number['half']!r}, told = {told} }}")
+    with replacing(path, ".toml") as temporary:
+        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _text(value: str | list[str]) -> str:
+    if isinstance(value, list):
+        return f"[{', '.join(map(_text, value))}]"
+    return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
+
+
+def write_urdf(found: Identification, template: Path, path: Path) -> None:
+    """Writes a URDF with the bodies that were found; frames, joints and meshes are those of the template.
+
+    Links that are welded to a link of the chain lose their inertial elements: the body that was found has them in it.
+
+    Raises:
+        ModelError: the template is no longer that of the arm.
+        RecordingError: the path cannot be written.
+    """
+    parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False)
+    try:
+        tree = etree.parse(template, parser)
+    except (OSError, etree.XMLSyntaxError) as error:
+        raise ModelError(f"{template}: expected a URDF: {error}") from None
+    elements = {link.get("name"): link for link in tree.getroot().findall("link")}
+    below: dict[str, list[str]] = {}
+    for joint in tree.getroot().findall("joint"):
+        parent, child = joint.find("parent"), joint.find("child")
+        if parent is not None and child is not None:
+            below.setdefault(parent.get("link"), []).append(child.get("link"))
+    chain = {link.name for link in found.arm.links}
+    for body in found.arm.links:
+        if body.name not in elements:
+            raise ModelError(f"{template}: expected a link {body.name!r}")
+        _replace(elements[body.name], body)
+        hanging = [name for name in below.get(body.name, ()) if name not in chain]
+        while hanging:
+            name = hanging.pop()
+            hanging += below.get(name, ())
+            inertial = elements[name].find("inertial")
+            if inertial is not None:
+                elements[name].remove(inertial)
+    with replacing(path, ".urdf") as temporary:
+        tree.write(temporary, encoding="utf-8", xml_declaration=True)
+
+
+def _replace(element: etree._Element, body: Link) -> None:
+    old = element.find("inertial")
+    if old is not None:
+        element.remove(old)
+    inertial = etree.SubElement(element, "inertial")
+    etree.SubElement(inertial, "origin", xyz=" ".join(f"{x:.9g}" for x in body.centre), rpy="0 0 0")
+    etree.SubElement(inertial, "mass", value=f"{body.mass:.9g}")
+    xx, xy, yy, xz, yz, zz = (f"{x:.9g}" for x in body.inertia[np.tril_indices(3)])
+    etree.SubElement(inertial, "inertia", ixx=xx, ixy=xy, ixz=xz, iyy=yy, iyz=yz, izz=zz)
