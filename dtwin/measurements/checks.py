@@ -32,14 +32,14 @@ _MISSED: Final = 0.05
 """Part of a joint's travel that it may miss so."""
 _CLIPPED: Final = 5
 """Rows in a row at the same largest effort from which on it was cut off."""
-_PILED: Final = 5.0
+_PILED: Final = 3.0
 """Times as many rows at the largest effort as near it, from which on it was cut off."""
 _NEIGHBOURS: Final = 21
 """Rows whose middle stamp a row is held against."""
 _OUT_OF_PLACE: Final = 10.0
 """Distance from it, in steps of all neighbours, that no gap explains for a few rows alone."""
 _FEW: Final = 0.02
-"""Share of rows beyond the joint's limits that are damaged rows, not a wrong unit."""
+"""Share of rows beyond the joint's limits, or where stamps begin again, that is not a wrong unit or order."""
 _LOST: Final = 0.5
 """Share of rows that may be left out."""
 _STILL: Final = 0.02
@@ -187,7 +187,7 @@ def _time(rows: _Rows) -> None:
     t, episode = rows.arrays["t"], rows.arrays["episode"]
     back = np.diff(t, prepend=t[:1]) < 0.0
     restart = back & (t < t[0] + 0.25 * (np.maximum.accumulate(t) - t[0]))
-    if restart.any() and not rows.map.episode:
+    if 0.0 < restart.mean() < _FEW and not rows.map.episode:
         rows.told("stamps begin again: taken as new episodes", True, restart)
         rows.arrays["episode"] = episode = np.cumsum(restart).astype(float)
     kept = np.ones(len(t), dtype=bool)
@@ -330,17 +330,23 @@ def _clipped(rows: _Rows) -> None:
     for joint, values in enumerate(rows.arrays["effort"].T):
         for limit in (values.max(), values.min()):
             at = values == limit
-            near = np.abs(values - limit) < 0.02 * np.ptp(values)
+            near = np.abs(values - limit) < max(0.02 * np.ptp(values), 1.5 * _quantum(values))
             cut = _runs(at, _CLIPPED)
             if cut.any() and values.std() > 0.0 and at.sum() > _PILED * (near & ~at).sum():
                 rows.told(
                     f"effort is cut off at {limit:.4g}: the rows are left out", True, cut, rows.name("effort", joint)
                 )
-                bad |= cut
+                bad |= at
         if values.std() == 0.0:
             rows.told("the effort never changes: nothing can be said of it", False, None, rows.name("effort", joint))
     if bad.any():
         rows.keep(~bad)
+
+
+def _quantum(values: Array) -> float:
+    """The usual step between neighbouring values that occur."""
+    steps = np.diff(np.unique(values))
+    return float(np.median(steps)) if len(steps) else 0.0
 
 
 def _velocities(rows: _Rows) -> None:
@@ -356,9 +362,9 @@ def _velocities(rows: _Rows) -> None:
         slope = np.diff(rows.arrays["position"][:, joint])[inside] / steps[inside]
         speed = 0.5 * (rows.arrays["velocity"][1:, joint] + rows.arrays["velocity"][:-1, joint])[inside]
         power = float(speed @ speed)
-        if power < _STILL**2 * len(speed):
+        if max(power, float(slope @ slope)) < _STILL**2 * len(speed):
             continue
-        ratio = float(slope @ speed) / power
+        ratio = float(slope @ speed) / (power + 1e-300)
         fits = float(slope @ speed) / np.sqrt(power * float(slope @ slope) + 1e-300)
         wrong = next((name for name, factor in _MISTAKES.items() if abs(ratio / factor - 1.0) < _SLOPE), "")
         if abs(fits) > 0.8 and wrong:

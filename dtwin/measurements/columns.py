@@ -231,7 +231,7 @@ def _unit(role: str, names: list[str], table: Table) -> str:
         return "deg"
     if said.count(".pos"):  # LeRobot: degrees or percent of the calibrated range, which the file does not say
         return "deg"
-    largest = max(float(np.nanmax(np.abs(table.columns[name]), initial=0.0)) for name in names)
+    largest = max(float(np.nanpercentile(np.abs(table.columns[name]), 99.0)) for name in names)
     return "deg" if largest > 2.0 * _TURN and role in ("position", "command") else "rad"
 
 

@@ -18,6 +18,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import scipy.io
+from scipy.io.matlab import MatReadError
 
 from dtwin.errors import RecordingError, choices
 from dtwin.files import reason_of
@@ -178,7 +179,7 @@ def _npz(path: Path) -> Table:
 def _mat(path: Path) -> Table:
     try:
         content = scipy.io.loadmat(path, squeeze_me=False)
-    except (ValueError, TypeError, NotImplementedError) as error:
+    except (ValueError, TypeError, NotImplementedError, MatReadError) as error:
         raise RecordingError(f"{path}: expected a MAT file of version 4 to 7.2: {str(error)[:80]}") from None
     return _arrays(path, {name: value for name, value in content.items() if not name.startswith("__")})
 

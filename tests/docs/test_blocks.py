@@ -116,7 +116,7 @@ READ: Final = {
 LONG: Final = (
     *("--controller", "127.0.0.1", "unix:"),
     *("--optimise", "--free all", "--friction auto", "--machine 17", "--machine contact"),
-    *("--commissioned", "--tuned", "identify run.parquet"),
+    *("--commissioned", "--tuned", "identify run.parquet", "--arm"),
 )
 """What makes a line of a command in RUN one that is read only: a peer, a long search, or a file made in minutes."""
 PROGRAMS: Final = {

@@ -1,4 +1,4 @@
-"""Serial chains that are drawn for tests, as URDF."""
+"""Serial chains that are drawn for tests, as URDF, and logs of their motion."""
 
 from pathlib import Path
 
@@ -6,6 +6,8 @@ import numpy as np
 
 from dtwin.arm.chain import Arm
 from dtwin.arm.urdf import read_urdf
+from dtwin.equations.rigid import regressor
+from dtwin.measurements.measurement import Measurement
 
 _JOINT = """<joint name="joint_{i}" type="{kind}">
   <parent link="link_{before}"/><child link="link_{i}"/>
@@ -52,3 +54,39 @@ def drawn_arm(folder: Path, joints: int, seed: int, **options: bool | int) -> Ar
     file = folder / "drawn.urdf"
     file.write_text(drawn_urdf(joints, seed, **options))  # type: ignore[arg-type]
     return read_urdf(file)
+
+
+def motion_of(joints: int, seconds: float, rate: float, seed: int) -> tuple[np.ndarray, ...]:
+    """Time, positions, velocities and accelerations of a drawn sum of sines, (N,) and (N, joints) each."""
+    generator = np.random.default_rng(seed)
+    t = np.arange(0.0, seconds, 1.0 / rate)
+    q, v, a = (np.zeros((len(t), joints)) for _ in range(3))
+    for joint in range(joints):
+        for frequency in generator.uniform(0.05, 0.5, 5):
+            w, phase, size = 2.0 * np.pi * frequency, generator.uniform(0.0, 6.3), generator.uniform(0.1, 0.4)
+            q[:, joint] += size * np.sin(w * t + phase)
+            v[:, joint] += size * w * np.cos(w * t + phase)
+            a[:, joint] -= size * w * w * np.sin(w * t + phase)
+    return t, q, v, a
+
+
+def measured(arm: Arm, seconds: float, seed: int, noise: float = 0.002, load: float = 0.0) -> Measurement:
+    """What a drawn motion of an arm would log: friction of 2 + 1.5 v in every joint, noise in parts of the torque."""
+    t, q, v, a = motion_of(len(arm), seconds, 100.0, seed)
+    held = arm.parameters
+    held[-10] += load
+    torque = regressor(arm, q, v, a) @ held + 2.0 * np.tanh(v / 0.02) + 1.5 * v
+    generator = np.random.default_rng(seed + 1)
+    torque += noise * torque.std(axis=0) * generator.normal(size=torque.shape)
+    names = tuple(joint.name for joint in arm.joints)
+    return Measurement(f"drawn {seed}", names, t, q, v, torque, "torque")
+
+
+def csv_of(measurement: Measurement) -> list[list[str]]:
+    """Header and rows of a measurement: t, q0.., qd0.., tau0.."""
+    n = measurement.q.shape[1]
+    head = ["t", *(f"{name}{k}" for name in ("q", "qd", "tau") for k in range(n))]
+    assert measurement.v is not None
+    assert measurement.effort is not None
+    columns = np.column_stack([measurement.t, measurement.q, measurement.v, measurement.effort])
+    return [head, *([f"{value:.6f}" for value in row] for row in columns)]

@@ -42,8 +42,8 @@ class Number:
 def numbers(found: Identification) -> Iterator[Number]:
     """All numbers: gains, friction joint by joint, then bodies, then loads.
 
-    Friction is told as its sum, sliding steadily at the joint's usual speed and at a tenth of it in both directions: its
-    terms are alike, and apart they say little.
+    Friction is told as its sum, sliding steadily at the joint's usual speed and at a tenth of it in both directions:
+    its terms are alike, and apart they say little.
     """
     layout, prior = found.moments.layout, found.prior
     for joint, deviation in enumerate(found.gain_deviations()):
