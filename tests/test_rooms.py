@@ -19,7 +19,7 @@ FLOORS = [
     {"dtwin.run", "dtwin.fmu", "dtwin.campaign"},
     {"dtwin.pictures"},
     {"dtwin.view", "dtwin.identification"},
-    {"dtwin.monitoring", "dtwin.simulation"},
+    {"dtwin.monitoring", "dtwin.simulation", "dtwin.health"},
     {"dtwin.commissioning", "dtwin.recovery"},
     {"dtwin.console"},
     {"dtwin.ai"},

@@ -119,6 +119,9 @@ GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
             "identify the arm from a log or a simulated experiment",
         ),
         "log show": Subcommand("measurements.log", "LogShow", "show what is in a log of any arm, and what is odd"),
+        "health": Subcommand(
+            "measurements.health", "HealthCommand", "tell the health of a position-controlled arm from its data set"
+        ),
         "commission": Subcommand(
             "identification.commission", "Commission", "identify a real arm from a log of its work; write a record"
         ),

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import msgspec
 import numpy as np
@@ -207,7 +207,7 @@ def guess_map(table: Table, joints: int | None = None) -> ColumnMap:
             f"{table.source}: no columns look like positions: give --columns MAP; the file has {', '.join(names)}"
         )
     count = len(chosen["position"])
-    roles = {
+    roles: dict[str, Any] = {
         role: Role(tuple(found), _unit(role, found, table)) for role, found in chosen.items() if len(found) == count
     }
     unit = next((u for u in ("ms", "us", "ns") if re.search(rf"_?{u}$", time, re.IGNORECASE)), "s")

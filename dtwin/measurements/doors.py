@@ -118,12 +118,12 @@ def _rows(path: Path, names: list[str], fields: list[list[str]], named: bool) ->
             kept.append(number)
             numbers.append(values)
     if odd and len(odd) > max(1, _DAMAGED * len(fields)):
-        row, why = odd[0]
-        raise RecordingError(f"{path}: row {row}: {why}; {len(odd)} of {len(fields)} rows are so")
+        first, why = odd[0]
+        raise RecordingError(f"{path}: row {first}: {why}; {len(odd)} of {len(fields)} rows are so")
     if not numbers:
         raise RecordingError(f"{path}: expected rows of numbers, got a header alone")
     table = np.array(numbers, dtype=np.float64)
-    told = tuple(Oddity(f"row {row} is damaged and left out: {why}", True, "", row, 1) for row, why in odd)
+    told = tuple(Oddity(f"row {first} is damaged and left out: {why}", True, "", first, 1) for first, why in odd)
     return Table(str(path), dict(zip(names, table.T, strict=True)), np.array(kept), told, named)
 
 

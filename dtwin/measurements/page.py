@@ -14,7 +14,7 @@ _EFFORTS = {"torque": "N m", "current": "A", "voltage": "V", None: "?"}
 
 def rows_of(measurement: Measurement) -> list[tuple[str, ...]]:
     """One row for each joint: name, range of positions, usual speed, range of efforts, lag of the command."""
-    found = []
+    found: list[tuple[str, ...]] = []
     for joint, name in enumerate(measurement.joints):
         q = measurement.q[:, joint]
         speed = np.concatenate([np.gradient(measurement.q[s, joint], measurement.t[s]) for s in _long(measurement)])

@@ -75,6 +75,8 @@ READ: Final = {
     "mcp proposals": LIVE,
     "mcp approve": LIVE,
     "mcp decline": LIVE,
+    "log show": "reads a file of another program: tests/commands/test_other_arms.py draws one",
+    "health": "reads a data set of another program: tests/commands/test_other_arms.py draws one",
     "status": LIVE,
     "watch": LIVE,
     "gains set": LIVE,
@@ -134,6 +136,7 @@ PROGRAMS: Final = {
     "dask": "starts a cluster: tests/campaign/test_cluster.py has one",
 }
 HELD: Final = {
+    ("docs/real-logs.md", "toml"): "tests/measurements/test_spoiled.py",
     ("README.md", "python"): "tests/test_docs.py",
     ("README.md", "text"): "test_the_output_that_the_readme_shows_is_what_is_printed",
     ("docs/clients.md", "python"): "tests/services/test_clients.py",

@@ -54,7 +54,8 @@ class Baseline:
         self._regressor = of or (lambda q, v, a: regressor(arm, q, v, a))
         matrix, torque = self._equations(measurements)
         size = matrix.shape[2]
-        self.solution: Array = np.linalg.lstsq(matrix.reshape(-1, size), torque.ravel(), rcond=1e-8)[0]
+        solution = np.linalg.lstsq(matrix.reshape(-1, size), torque.ravel(), rcond=1e-8)[0]
+        self.solution: Array = np.asarray(solution, dtype=np.float64)
 
     def predicted(self, measurement: Measurement) -> tuple[Array, Array]:
         """Torque of a measurement as measured and as predicted, (N, n)."""

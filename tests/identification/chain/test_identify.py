@@ -49,8 +49,7 @@ def test_intervals_hold_what_is_true(arm: Arm, found: Identification) -> None:
     rows = [row for row in numbers(found) if " friction at " in row.name]
     speeds = [float(row.name.rpartition(" ")[2]) for row in rows]
     right = [
-        abs(row.value - (np.sign(v) * 2.0 + 1.5 * v)) < row.half + 0.03
-        for row, v in zip(rows, speeds, strict=True)
+        abs(row.value - (np.sign(v) * 2.0 + 1.5 * v)) < row.half + 0.03 for row, v in zip(rows, speeds, strict=True)
     ]
     assert np.mean(right) > 0.8
     assert any("rotor" in row.name for row in rows) == ("rotor" in found.groups)

@@ -1,0 +1,59 @@
+"""`dtwin health`."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import tyro
+from rich.console import Console
+from rich.table import Table
+
+from dtwin.health.servo import Estimate, findings, servo_health
+from dtwin.measurements.columns import read_map
+from dtwin.measurements.page import oddities, summary
+from dtwin.measurements.reading import read_measurement
+from dtwin.terminal import as_text, print_json, print_table
+
+
+@dataclass(frozen=True)
+class HealthCommand:
+    """Tell the health of a position-controlled arm, such as a LeRobot arm: delay, errors at rest, drift, overload.
+
+    It takes commands and positions alone, and says what they cannot tell.
+    """
+
+    log: Annotated[Path, tyro.conf.Positional]
+    """Folder of a LeRobot data set, or a log as `dtwin log show` reads it."""
+    columns: Path | None = None
+    """TOML file that says what the columns mean; guessed if not given."""
+    json: bool = False
+    """Print one JSON object on standard output and nothing else."""
+
+    def execute(self) -> int:
+        found = read_measurement(self.log, None if self.columns is None else read_map(self.columns))
+        joints = servo_health(found)
+        if self.json:
+            said = findings(found, joints)
+            print_json({"joints": [asdict(joint) for joint in joints], "findings": said, "odd": oddities(found)})
+            return 0
+        console = Console(highlight=False, soft_wrap=True)
+        for line in summary(found):
+            console.print(as_text(line))
+        table = Table("joint", "delay, ms", "gain", "error at rest, deg", "up - down, deg", "drift, deg")
+        for joint in joints:
+            angles = (_text(estimate, 180.0 / np.pi) for estimate in (joint.at_rest, joint.width, joint.drift))
+            table.add_row(joint.name, _text(joint.delay, 1e3), _text(joint.gain, 1.0), *angles)
+        print_table(table)
+        for line in [*oddities(found), *findings(found, joints)]:
+            console.print(as_text(line))
+        return 0
+
+
+def _text(estimate: Estimate | None, factor: float) -> str:
+    if estimate is None:
+        return "not told"
+    half = f"+- {factor * estimate.half:.2g}" if np.isfinite(estimate.half) else "+- ?"
+    return f"{factor * estimate.value:.3g} {half}"

@@ -1,0 +1,225 @@
+"""What is wrong with single columns: missing values, turns, spikes, standstill, limits, wrong velocities."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dtwin.arm.chain import Arm
+from dtwin.measurements.measurement import Array
+from dtwin.measurements.rows import Rows
+
+_GAP: Final = 5.0
+"""Steps without a row after which a new stretch begins."""
+_BRIDGED: Final = 3
+"""Missing values in a row that are drawn through."""
+_SPIKE: Final = 30.0
+"""Distance of a single value from its neighbours, in usual steps, that no arm makes."""
+_FROZEN: Final = 0.3
+"""Time for which a moving joint may read the same, s."""
+_MISSED: Final = 0.05
+"""Part of a joint's travel that it may miss so."""
+_CLIPPED: Final = 5
+"""Rows in a row at the same largest effort from which on it was cut off."""
+_PILED: Final = 3.0
+"""Times as many rows at the largest effort as near it, from which on it was cut off."""
+_FEW: Final = 0.02
+"""Share of rows beyond the joint's limits, or where stamps begin again, that is not a wrong unit or order."""
+_STILL: Final = 0.02
+"""Usual speed below which velocities are not held against positions, rad/s or m/s."""
+_SLOPE: Final = 0.15
+"""Relative difference of logged velocities from those of the positions that is no error of units."""
+_MISTAKES: Final = {
+    "one of them has the other sign": -1.0,
+    "velocities are in degrees": np.pi / 180.0,
+    "positions are in degrees": 180.0 / np.pi,
+    "velocities are in turns": 2.0 * np.pi,
+    "positions are in turns": 0.5 / np.pi,
+    "velocities are in revolutions a minute": np.pi / 30.0,
+    "one is a thousand times the other": 1e3,
+    "one is a thousandth of the other": 1e-3,
+}
+"""Ratios of slope to velocity that say what is wrong."""
+_LIMIT: Final = 0.2
+"""What a position may lie beyond its limit, rad or m."""
+_TURN: Final = 2.0 * np.pi
+
+
+def missing(rows: Rows) -> None:
+    """Missing values: a few in a row are drawn through, more are a gap."""
+    gone = np.zeros(len(rows.row), dtype=bool)
+    for name in rows.map.roles():
+        for joint, values in enumerate(rows.arrays[name].T):
+            bad = ~np.isfinite(values)
+            if not bad.any():
+                continue
+            if bad.all():
+                raise rows.refuse(name, joint, 0, "expected numbers, got none in any row")
+            long = _runs(bad, _BRIDGED + 1)
+            gone |= long
+            known = np.flatnonzero(~bad)
+            values[bad] = np.interp(np.flatnonzero(bad), known, values[known])
+            text = "missing values are drawn through" if not long.any() else "missing values are left out as a gap"
+            rows.told(text, True, bad, rows.name(name, joint))
+    if gone.any():
+        rows.keep(~gone)
+
+
+def _runs(flags: NDArray[np.bool_], least: int) -> NDArray[np.bool_]:
+    """Where at least so many flags stand in a row."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(int)))
+    found = np.zeros_like(flags)
+    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        found[start:stop] = stop - start >= least
+    return found
+
+
+def turns(rows: Rows, arm: Arm | None) -> None:
+    """Positions that jump by a whole turn."""
+    for name in ("position", "command"):
+        if name not in rows.arrays or rows.map.roles()[name].unit in ("percent", "m", "mm"):
+            continue
+        for joint, values in enumerate(rows.arrays[name].T):
+            if arm is not None and joint < len(arm) and arm.joints[joint].kind == "prismatic":
+                continue
+            gear = abs(rows.map.roles()[name].gear[joint]) if rows.map.roles()[name].gear else 1.0
+            turn = _TURN / gear
+            jumps = np.abs(np.abs(np.diff(values, prepend=values[:1])) - turn) < 0.2 * turn
+            jumps &= np.diff(rows.arrays["episode"], prepend=rows.arrays["episode"][0]) == 0.0
+            if jumps.any():
+                rows.told("jumps by a turn are taken out", True, jumps, rows.name(name, joint))
+                steps = np.where(jumps, -np.sign(np.diff(values, prepend=values[:1])) * turn, 0.0)
+                rows.arrays[name][:, joint] = values + np.cumsum(steps)
+
+
+def spikes(rows: Rows) -> None:
+    """Single values far from both neighbours."""
+    bad = np.zeros(len(rows.row), dtype=bool)
+    for name in ("position", "effort"):
+        if name not in rows.arrays:
+            continue
+        for joint, values in enumerate(rows.arrays[name].T):
+            middle = 0.5 * (np.roll(values, 1) + np.roll(values, -1))
+            away = np.abs(values - middle)
+            spread = np.abs(np.roll(values, 1) - np.roll(values, -1))
+            usual = np.percentile(away, 99.0) + 1e-9
+            spike = (away > _SPIKE * usual) & (away > 3.0 * spread)
+            spike[[0, -1]] = False
+            if spike.any():
+                rows.told("single values far from their neighbours are left out", True, spike, rows.name(name, joint))
+                bad |= spike
+    if bad.any():
+        rows.keep(~bad)
+
+
+def frozen(rows: Rows) -> None:
+    """Joints that read the same for long while their command, velocity or usual motion says that they move."""
+    t = rows.arrays["t"]
+    bad = np.zeros(len(t), dtype=bool)
+    for joint, values in enumerate(rows.arrays["position"].T):
+        same = np.diff(values, prepend=np.nan) == 0.0
+        if same.all():
+            rows.told("the joint never moves: nothing can be said of it", False, None, rows.name("position", joint))
+            continue
+        least = max(5, int(_FROZEN / max(float(np.median(np.diff(t))), 1e-6)))
+        long = _runs(same, least)
+        for start, stop in _spans(long):
+            bad[start:stop] |= _travelled(rows, joint, start, stop) > _MISSED * np.ptp(values)
+    if bad.any():
+        rows.told("a position stands still while the joint moves: the rows are left out as a gap", True, bad)
+        rows.keep(~bad)
+
+
+def _travelled(rows: Rows, joint: int, start: int, stop: int) -> float:
+    """How far a joint must have come while its position read the same, by its velocity or by the jump after it."""
+    values, t = rows.arrays["position"][:, joint], rows.arrays["t"]
+    if "velocity" in rows.arrays:
+        return float(np.trapezoid(np.abs(rows.arrays["velocity"][start:stop, joint]), t[start:stop]))
+    usual = float(np.percentile(np.abs(np.diff(values)), 99.0))
+    after = min(stop, len(values) - 1)
+    if rows.arrays["episode"][after] != rows.arrays["episode"][stop - 1]:
+        return 0.0
+    jump = float(abs(values[after] - values[stop - 1]))
+    return jump if jump > 3.0 * usual else 0.0
+
+
+def _spans(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(int))).tolist()
+    return list(zip(edges[::2], edges[1::2], strict=True))
+
+
+def clipped(rows: Rows) -> None:
+    """Efforts that were cut off: their rows say nothing."""
+    if "effort" not in rows.arrays:
+        return
+    bad = np.zeros(len(rows.row), dtype=bool)
+    for joint, values in enumerate(rows.arrays["effort"].T):
+        for limit in (values.max(), values.min()):
+            at = values == limit
+            near = np.abs(values - limit) < max(0.02 * np.ptp(values), 1.5 * _quantum(values))
+            cut = _runs(at, _CLIPPED)
+            if cut.any() and values.std() > 0.0 and at.sum() > _PILED * (near & ~at).sum():
+                rows.told(
+                    f"effort is cut off at {limit:.4g}: the rows are left out", True, cut, rows.name("effort", joint)
+                )
+                bad |= at
+        if values.std() == 0.0:
+            rows.told("the effort never changes: nothing can be said of it", False, None, rows.name("effort", joint))
+    if bad.any():
+        rows.keep(~bad)
+
+
+def _quantum(values: Array) -> float:
+    """The usual step between neighbouring values that occur."""
+    steps = np.diff(np.unique(values))
+    return float(np.median(steps)) if len(steps) else 0.0
+
+
+def velocities(rows: Rows) -> None:
+    """Velocities that are not those of the positions: wrong units, signs or order."""
+    if "velocity" not in rows.arrays:
+        return
+    t = rows.arrays["t"]
+    steps = np.diff(t)
+    usual = float(np.median(steps))
+    inside = (steps < _GAP * usual) & (np.diff(rows.arrays["episode"]) == 0.0)
+    doubtful: list[str] = []
+    for joint in range(rows.arrays["position"].shape[1]):
+        slope = np.diff(rows.arrays["position"][:, joint])[inside] / steps[inside]
+        speed = 0.5 * (rows.arrays["velocity"][1:, joint] + rows.arrays["velocity"][:-1, joint])[inside]
+        power = float(speed @ speed)
+        if max(power, float(slope @ slope)) < _STILL**2 * len(speed):
+            continue
+        ratio = float(slope @ speed) / (power + 1e-300)
+        fits = float(slope @ speed) / np.sqrt(power * float(slope @ slope) + 1e-300)
+        wrong = next((name for name, factor in _MISTAKES.items() if abs(ratio / factor - 1.0) < _SLOPE), "")
+        if abs(fits) > 0.8 and wrong:
+            message = f"positions change {ratio:.3g} times as fast as the velocity says: {wrong}"
+            raise rows.refuse("velocity", joint, 0, message)
+        if fits < 0.9 or abs(ratio - 1.0) > _SLOPE:
+            doubtful.append(rows.name("velocity", joint))
+    if doubtful:
+        names = ", ".join(doubtful)
+        rows.told(f"velocities do not follow the positions ({names}): positions are differentiated instead", True)
+        del rows.arrays["velocity"]
+
+
+def limits(rows: Rows, arm: Arm | None) -> None:
+    """Positions that the arm cannot have."""
+    if arm is None or rows.map.position.unit == "percent":
+        return
+    bad = np.zeros(len(rows.row), dtype=bool)
+    for joint, (limits, values) in enumerate(zip(arm.joints, rows.arrays["position"].T, strict=True)):
+        beyond = np.maximum(values - limits.upper, limits.lower - values) > _LIMIT
+        if beyond.mean() > _FEW:
+            row = int(np.argmax(beyond))
+            expected = f"expected {limits.lower:.3g} to {limits.upper:.3g}, got {values[row]:.4g}"
+            raise rows.refuse("position", joint, row, f"{expected}: is the unit right?")
+        if beyond.any():
+            name = rows.name("position", joint)
+            rows.told("positions beyond the joint's limits: the rows are left out", True, beyond, name)
+            bad |= beyond
+    if bad.any():
+        rows.keep(~bad)

@@ -1,0 +1,70 @@
+"""Commands for other arms than the thesis's, on small logs that are drawn."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from dtwin.cli import main
+from tests.commands.test_cli import complain
+from tests.measurements.test_doors import lerobot
+from tests.support.chains import csv_of, drawn_arm, measured
+
+
+ARM = ["--arm", "drawn.urdf"]
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with the description of an arm and two logs, the second with a load of 1.5 kg."""
+    arm = drawn_arm(tmp_path, 2, 11)
+    for name, seed, load in (("empty", 1, 0.0), ("full", 2, 1.5)):
+        rows = csv_of(measured(arm, 15.0, seed, load=load))
+        (tmp_path / f"{name}.csv").write_text("\n".join(",".join(row) for row in rows))
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_another_arm_is_identified_from_its_logs(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["--also", "full.csv", "--load", "full.csv=?", "--out", "found.toml", "--urdf", "found.urdf", "--json"]
+    assert main(["identify", "empty.csv", "--arm", "drawn.urdf", *words]) == 0
+    found = json.loads(capsys.readouterr().out)
+    load = found["numbers"]["load full m"]
+    assert abs(load["value"] - 1.5) < load["half"] + 0.02
+    assert (folder / "found.toml").is_file()
+    assert (folder / "found.urdf").is_file()
+
+
+def test_a_log_is_shown_with_its_map_and_its_page(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["--map", "map.toml", "--page", "page.html"]
+    assert main(["log", "show", "empty.csv", "--arm", "drawn.urdf", *words]) == 0
+    assert "nothing is odd" in capsys.readouterr().out
+    assert "<table>" in (folder / "page.html").read_text()
+    assert main(["log", "show", "empty.csv", "--columns", "map.toml", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["odd"] == []
+
+
+def test_the_health_of_a_data_set_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["health", str(lerobot(tmp_path / "set"))]) == 0
+    assert "without currents" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["identify", *ARM], "--arm: expected a log"),
+        (["identify", "empty.csv", "--arm", "missing.urdf"], "missing.urdf: cannot be read"),
+        (
+            ["identify", "empty.csv", *ARM, "--load", "full.csv=1"],
+            "--load 'full.csv=1': expected FILE=KG",
+        ),
+        (
+            ["identify", "empty.csv", *ARM, "--load", "empty.csv=x"],
+            "expected a mass above 0 kg, or ?",
+        ),
+        (["log", "show", "missing.csv"], "missing.csv: cannot be read"),
+        (["health", "empty.csv"], "expected columns of commanded positions"),
+    ],
+)
+def test_mistakes_get_one_line(folder: Path, words: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert said in complain(capsys, *words)
