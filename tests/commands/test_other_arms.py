@@ -10,7 +10,6 @@ from tests.commands.test_cli import complain
 from tests.measurements.test_doors import lerobot
 from tests.support.chains import csv_of, drawn_arm, measured
 
-
 ARM = ["--arm", "drawn.urdf"]
 
 
