@@ -1,4 +1,4 @@
-"""What is said of proposals: an AI or recovery makes them, the simulation service checks and keeps them, a person decides.
+"""What is said of proposals: an AI or recovery makes them, the simulation service keeps them, a person decides.
 
 The rules of `dtwin.bus.messages` hold, which has their topics.
 """
