@@ -76,6 +76,7 @@ class FakeCell:
     stop: Stop = "none"
     name: str = "cell"
     clock: Callable[[], float] = time.monotonic
+    services: dict[str, ServiceSummary] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.bus = Bus(open_peer(self.meet), self.name)
@@ -88,10 +89,9 @@ class FakeCell:
         self.bus.answer(LATCH, LatchRequest, None, self._latch)
         self.desk = Desk(self.clock)
         self.bus.answer(DESK, DeskRequest, self.desk.ask, self.desk.state)
-        services = {name: ServiceSummary("running", 100.0, 0, "") for name in ("bridge", "emulator")}
-        self.bus.answer(SUMMARY, SummaryRequest, None, lambda: Summary(services))
-        for name in services:
-            self.bus.announce(name)
+        self.bus.answer(SUMMARY, SummaryRequest, None, lambda: Summary(dict(self.services)))
+        for name in ("bridge", "emulator"):
+            self.begin(name)
 
     @contextmanager
     def open(self) -> Iterator["FakeCell"]:
@@ -100,6 +100,11 @@ class FakeCell:
             yield self
         finally:
             self.bus.close()
+
+    def begin(self, name: str) -> None:
+        """Has a service of the cell."""
+        self.services[name] = ServiceSummary("running", 100.0, 0, "")
+        self.bus.announce(name)
 
     def _note(self, stop: Stop) -> Callable[[Any], StopState]:
         def answer(request: Any) -> StopState:
@@ -196,7 +201,7 @@ class Served:
         def seen() -> bool:
             self.cell.sample(number)
             age = self.console.hub.age
-            return age is not None and age < 0.5 and len(self.console.hub.state().services) == 2
+            return age is not None and age < 0.5 and self.console.hub.state().services.keys() == self.cell.services.keys()
 
         until(seen, "the console hears the cell")
 
