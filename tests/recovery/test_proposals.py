@@ -65,7 +65,8 @@ class BookedCell(FakeCell):
 
     def at(self, time: float, act: Callable[[], None]) -> None:
         """Has something done at a plant time (s)."""
-        before, done = self.changing, []
+        before = self.changing
+        done: list[bool] = []
 
         def look() -> None:
             before()
