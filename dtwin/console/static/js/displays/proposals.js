@@ -15,6 +15,8 @@ export function makeProposals() {
       buttons = [];
       return told.length ? told.map(one) : el("p", { class: "why-not" }, "Neither recovery nor an AI has proposed anything.");
     });
+    // What waits for a person comes before everything else.
+    node.parentElement.style.order = told.some((proposal) => proposal.state === "open") ? -1 : 0;
     buttons.forEach((button) => button.refresh());
   }
 
