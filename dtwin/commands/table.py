@@ -119,6 +119,11 @@ GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
             "identify the arm from a log or a simulated experiment",
         ),
         "log show": Subcommand("measurements.log", "LogShow", "show what is in a log of any arm, and what is odd"),
+        "experiment real": Subcommand(
+            "measurements.real",
+            "ExperimentReal",
+            "identify an arm from a folder of real logs, beside least squares; report",
+        ),
         "health": Subcommand(
             "measurements.health", "HealthCommand", "tell the health of a position-controlled arm from its data set"
         ),

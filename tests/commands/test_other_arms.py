@@ -43,6 +43,22 @@ def test_a_log_is_shown_with_its_map_and_its_page(folder: Path, capsys: pytest.C
     assert json.loads(capsys.readouterr().out)["odd"] == []
 
 
+def test_a_folder_of_logs_is_a_benchmark(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    plan = (
+        'arm = "drawn.urdf"\ntrain = ["empty.csv", "full.csv"]\ntest = ["other.csv"]\nload = { "full.csv" = 0.0 }\n'
+    )
+    rows = csv_of(measured(drawn_arm(folder, 2, 11), 12.0, 9))
+    (folder / "other.csv").write_text("\n".join(",".join(row) for row in rows))
+    (folder / "benchmark.toml").write_text(plan + 'truth = { "full.csv" = 1.5 }\n')
+    assert main(["experiment", "real", ".", "--out", "out", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert max(found["ratios"]) < 1.0
+    assert abs(found["loads"][0]["found"] - found["loads"][0]["truth"]) < found["loads"][0]["half"] + 0.02
+    assert "Real logs" in (folder / "out" / "report.html").read_text()
+    (folder / "benchmark.toml").write_text(plan.replace("train", "trains"))
+    assert "benchmark.toml: expected a benchmark" in complain(capsys, "experiment", "real", ".")
+
+
 def test_the_health_of_a_data_set_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["health", str(lerobot(tmp_path / "set"))]) == 0
     assert "without currents" in capsys.readouterr().out

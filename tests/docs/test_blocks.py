@@ -109,6 +109,7 @@ READ: Final = {
     "margins": MINUTES,
     "demo recovery": MINUTES,
     "experiment accuracy": MINUTES,
+    "experiment real": "reads logs that are not here: tests/commands/test_other_arms.py draws some",
     "experiment clearance": MINUTES,
     "experiment faults": MINUTES,
     "experiment noise": MINUTES,

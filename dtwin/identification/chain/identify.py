@@ -69,7 +69,9 @@ class Identification:
         design: the equations.
         moments: their sums.
         prior: what was known before.
-        found: the estimate.
+        found: the estimate, with bodies that can be.
+        plain: the estimate before that.
+        with_all: the estimate with all friction terms, for the same gains.
         covariance: of the used unknowns, then of the logarithms of the gains.
         groups: friction terms that proved themselves.
         held_out: error of each choice of groups on motion that it was not fitted to, in parts of the effort, (n,).
@@ -80,6 +82,8 @@ class Identification:
     moments: Moments
     prior: Prior
     found: Fit
+    plain: Fit
+    with_all: Fit
     covariance: Array
     groups: tuple[Group, ...]
     held_out: Mapping[tuple[Group, ...], Array]
@@ -93,10 +97,15 @@ class Identification:
         return float(np.sqrt(self.covariance[place, place]))
 
     def combined(self, weights: Array) -> tuple[float, float]:
-        """A weighted sum of the unknowns, (size,) weights, and its standard deviation."""
+        """A weighted sum of the unknowns, (size,) weights, and its standard deviation.
+
+        Terms that did not prove themselves may be there all the same: what they would change counts as well.
+        """
         used = np.flatnonzero(self.found.used)
         inner = self.covariance[: len(used), : len(used)]
-        return float(weights @ self.found.unknowns), float(np.sqrt(weights[used] @ inner @ weights[used]))
+        spread = float(np.sqrt(weights[used] @ inner @ weights[used]))
+        change = float(weights @ (self.with_all.unknowns - self.plain.unknowns))
+        return float(weights @ self.found.unknowns), float(np.hypot(spread, change))
 
     def gain_deviations(self) -> Array:
         """Relative standard deviations of the gains, (n,)."""
@@ -156,12 +165,12 @@ def identify(arm: Arm, samples: Sequence[Sample], settings: Settings | None = No
     prior = _prior(design, moments, settings)
     groups, held_out = _chosen(design, moments, prior, settings)
     found = fit(moments, prior, _used(design, groups))
+    with_all = fit(moments, prior, _used(design, CANDIDATES), start=found)
     possible = _possible(design, moments, prior, found)
     covariance = covariance_of(design, moments, prior, possible)
     inertial = possible.unknowns[: 10 * len(arm)]
-    return Identification(
-        arm.with_parameters(inertial), design, moments, prior, possible, covariance, groups, held_out
-    )
+    new = arm.with_parameters(inertial)
+    return Identification(new, design, moments, prior, possible, found, with_all, covariance, groups, held_out)
 
 
 def _check(arm: Arm, samples: Sequence[Sample], settings: Settings) -> None:
