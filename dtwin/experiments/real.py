@@ -187,12 +187,13 @@ def real_report(result: Benchmark) -> Report:
     loads = [[each.file, f"{each.found:.3f}", f"+- {each.half:.3f}", _known(each.truth)] for each in result.loads]
     overall = float(np.exp(np.mean(np.log(result.ratios))))
     ours, theirs = result.seconds
+    friction = ", ".join(result.groups) or "basic alone"
     words = (
         f"{result.source or 'The logs have no source.'} Root mean square of the torque that is not explained, in "
         f"parts of its standard deviation, on files that were not fitted: ours / ordinary least squares on "
         f"{result.baseline}. Both see the torque through the same filter. Over all joints the ratio is "
-        f"{overall:.2f}. Friction that proved itself on the training files: {', '.join(result.groups) or 'basic alone'}. "
-        f"Identification took {ours:.1f} s, least squares {theirs:.1f} s."
+        f"{overall:.2f}. Friction that proved itself on the training files: {friction}. Identification took "
+        f"{ours:.1f} s, least squares {theirs:.1f} s."
     )
     parts = [words, table(head, rows)]
     if loads:
