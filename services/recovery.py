@@ -20,7 +20,7 @@ from dtwin.bus.twin_messages import MonitoringVerdict, Upload
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.identification.machine.record import MachineRecord, read_record
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters
-from dtwin.recovery.desk import Desk, Grave, Late, Tripped
+from dtwin.recovery.desk import CriticalFinding, DeadlinePassed, Desk, StoppedByController
 from dtwin.recovery.margins import control_settings, gains_with_margins
 from dtwin.recovery.measures import SAME, Measures
 from dtwin.recovery.modes import RecoveryMode
@@ -123,7 +123,7 @@ class Recovery:
 
     def _leave_old(self, operator: Operator) -> None:
         """Leaves findings that stood before the first verdict to people: nobody knows whether they were answered."""
-        with contextlib.suppress(Late, Grave, Tripped):
+        with contextlib.suppress(DeadlinePassed, CriticalFinding, StoppedByController):
             for message in self._desk.messages():
                 if isinstance(message, MonitoringVerdict):
                     break
@@ -132,7 +132,7 @@ class Recovery:
 
     def _await_release(self) -> None:
         """Waits until a stopped arm is released."""
-        with contextlib.suppress(Late, Grave, Tripped):
+        with contextlib.suppress(DeadlinePassed, CriticalFinding, StoppedByController):
             while self._desk.stopped:
                 next(self._desk.messages())
 

@@ -13,7 +13,15 @@ from dtwin.errors import CommunicationError, DtwinError, ParameterError
 from dtwin.monitoring.kinds import parse_fault_id
 from dtwin.parameters import ArmParameters
 from dtwin.recovery.answers import Measure, answer_to, order
-from dtwin.recovery.desk import Desk, Grave, Late, Over, TakenBack, Tripped, Unsure
+from dtwin.recovery.desk import (
+    CriticalFinding,
+    DeadlinePassed,
+    Desk,
+    DoubtfulFinding,
+    FindingWithdrawn,
+    RolledBack,
+    StoppedByController,
+)
 from dtwin.recovery.measures import Measures, Taken, TooWeak
 
 Outcome = Literal["done", "nothing to do", "taken back", "too weak", "too doubtful", "interrupted", "failed"]
@@ -150,17 +158,17 @@ class Answering:
             if answer.measure == STOP:
                 return ended("interrupted", f"stop the arm: {order(parse_fault_id(names[0]))}")
             return ended("done", "uploaded, and its trial passed", self._measures().take(answer.measure, found))
-        except Over as over:
+        except FindingWithdrawn as over:
             return ended("nothing to do", str(over))
-        except TakenBack as error:
+        except RolledBack as error:
             return ended("taken back", str(error))
         except TooWeak as weak:
             return ended("too weak", f"stop the arm: {weak}")
-        except Unsure as doubt:
+        except DoubtfulFinding as doubt:
             return ended("too doubtful", f"stop the arm: {doubt}")
-        except (Grave, Tripped) as grave:
+        except (CriticalFinding, StoppedByController) as grave:
             return ended("interrupted", f"stop the arm: {grave}")
-        except (Late, DtwinError) as error:
+        except (DeadlinePassed, DtwinError) as error:
             return ended("failed", str(error))
 
     def _measures(self) -> Measures:
@@ -180,7 +188,13 @@ class Answering:
                 self._preparing = False
                 try:
                     self._since = self._measures().begin()
-                except (CommunicationError, ParameterError, Late, Grave, Tripped) as error:
+                except (
+                    CommunicationError,
+                    ParameterError,
+                    DeadlinePassed,
+                    CriticalFinding,
+                    StoppedByController,
+                ) as error:
                     self._since = error
                 self._ready.set()
                 continue
@@ -188,7 +202,13 @@ class Answering:
                 if self.measures is None:
                     self._measures().begin()
                 self.answers.append(self.now(self._asked))
-            except (CommunicationError, ParameterError, Late, Grave, Tripped) as error:
+            except (
+                CommunicationError,
+                ParameterError,
+                DeadlinePassed,
+                CriticalFinding,
+                StoppedByController,
+            ) as error:
                 names = tuple(unit.parameter for unit in self._asked)
                 measure = answer_to(parse_fault_id(names[0])).measure
                 text = f"cannot begin: {error}"
@@ -201,7 +221,7 @@ class Answering:
             for _ in self.desk.messages():
                 if enough():
                     return
-        except (Grave, Tripped):
+        except (CriticalFinding, StoppedByController):
             return
-        except Late:
+        except DeadlinePassed:
             self._over.set()

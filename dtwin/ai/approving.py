@@ -12,7 +12,7 @@ from dtwin.bus.session import Bus
 from dtwin.bus.stopping import stop
 from dtwin.errors import CommunicationError
 from dtwin.parameters import ArmParameters
-from dtwin.recovery.desk import Grave, Late, Tripped
+from dtwin.recovery.desk import CriticalFinding, DeadlinePassed, StoppedByController
 
 HEARD: Final = 5.0
 """Plant time in which the monitor has to tell of the findings again, s."""
@@ -39,9 +39,9 @@ def answering_door(healthy: ArmParameters | None) -> Door:
                     if answering.desk.time > began + HEARD:
                         raise CommunicationError(f"nothing settled is found of {' and '.join(names)} any more")
                 answering.begin()
-            except Grave as grave:
+            except CriticalFinding as grave:
                 found = [grave.finding]
-            except (Tripped, Late) as over:
+            except (StoppedByController, DeadlinePassed) as over:
                 raise CommunicationError(str(over)) from None
             came = answering.now(found)
             if came.outcome in STANDING:

@@ -35,23 +35,23 @@ _LOOK: Final = 0.1
 Message = Event | MonitoringVerdict | IdentificationState
 
 
-class Late(Exception):
+class DeadlinePassed(Exception):
     """Reports that the time to work in has passed, or that the cell has ended."""
 
 
-class TakenBack(CommunicationError):
+class RolledBack(CommunicationError):
     """Reports settings that were taken back because the arm did worse on trial than was expected."""
 
 
-class Over(Exception):
+class FindingWithdrawn(Exception):
     """Reports that the monitor has withdrawn what was being answered, before anything was changed."""
 
 
-class Unsure(Exception):
+class DoubtfulFinding(Exception):
     """Reports a finding that is too doubtful to change anything for."""
 
 
-class Grave(Exception):
+class CriticalFinding(Exception):
     """Reports a finding that stops the arm, whatever is being done."""
 
     def __init__(self, finding: MonitoredUnit) -> None:
@@ -59,7 +59,7 @@ class Grave(Exception):
         self.finding = finding
 
 
-class Tripped(Exception):
+class StoppedByController(Exception):
     """Reports that the blocks have stopped the arm by themselves, and why."""
 
 
@@ -118,15 +118,15 @@ class Desk:
         """What the services say, until the time is over.
 
         Raises:
-            Late: the time is over.
-            Grave: a finding stands that stops the arm, and the arm is not stopped.
-            Tripped: the blocks have stopped the arm, and no such finding has come within EXPLAINED.
+            DeadlinePassed: the time is over.
+            CriticalFinding: a finding stands that stops the arm, and the arm is not stopped.
+            StoppedByController: the blocks have stopped the arm, and no such finding has come within EXPLAINED.
         """
         while True:
             if self._over():
-                raise Late("the cell has ended")
+                raise DeadlinePassed("the cell has ended")
             if self.time >= self.end:
-                raise Late(f"not done by {self.end:g} s")
+                raise DeadlinePassed(f"not done by {self.end:g} s")
             with contextlib.suppress(Empty):
                 message = self._inbox.get(timeout=_LOOK)
                 self._note(message)
@@ -136,7 +136,7 @@ class Desk:
         """Waits for a plant time.
 
         Raises:
-            Late, Grave, Tripped: as `messages`.
+            DeadlinePassed, CriticalFinding, StoppedByController: as `messages`.
         """
         until = self.time + seconds
         for _ in self.messages():
@@ -213,11 +213,11 @@ class Desk:
         """Waits until the trial of an upload has ended.
 
         Raises:
-            TakenBack: the settings were taken back.
+            RolledBack: the settings were taken back.
         """
         now = self._settled()
         if now.version != upload.version:
-            raise TakenBack(f"version {upload.version} of the settings was taken back: {now.text}")
+            raise RolledBack(f"version {upload.version} of the settings was taken back: {now.text}")
 
     def _settled(self) -> Upload:
         """The settings in force once none are on trial."""
@@ -261,9 +261,9 @@ class Desk:
                 self.boxes[payload.since] = payload.size
             grave = gravest(map(parse_fault_id, self.findings))
             if grave is not None and not self.stopped:
-                raise Grave(self.findings[str(grave)])
+                raise CriticalFinding(self.findings[str(grave)])
             if self.tripped is not None and not self.stopped and self.time >= self.tripped.time + EXPLAINED:
-                raise Tripped(self.tripped.text)
+                raise StoppedByController(self.tripped.text)
 
     def _note_stop(self, event: Event) -> None:
         """Notes the first event of a stop that the operator did not ask for; a released arm is stopped no more."""

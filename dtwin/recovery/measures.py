@@ -23,7 +23,7 @@ from dtwin.identification.machine.record import MachineRecord
 from dtwin.monitoring.kinds import parse_fault_id
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters, Gains, Triple, scaled, symbol_of
 from dtwin.recovery.answers import Measure
-from dtwin.recovery.desk import Desk, Over
+from dtwin.recovery.desk import Desk, FindingWithdrawn
 from dtwin.recovery.margins import LATE, control_settings, gains_with_margins, settings_for_late, stiffer_with_margins
 from dtwin.recovery.refit import estimated, refitted
 from dtwin.recovery.strength import Strength
@@ -87,8 +87,8 @@ class Measures:
         offsets: plant time (s) of every upload of encoder offsets, and the offsets (rad).
 
     All methods raise CommunicationError when a service refuses or takes settings back, TooWeak when no settings help,
-    Unsure when a finding is too doubtful, Over when nothing has to be changed after all, Late when the time of the
-    desk is over, and Grave when something else stops the arm.
+    DoubtfulFinding when a finding is too doubtful, FindingWithdrawn when nothing has to be changed after all,
+    DeadlinePassed when the time of the desk is over, and CriticalFinding when something else stops the arm.
     """
 
     def __init__(
@@ -140,7 +140,7 @@ class Measures:
                 before = before.with_values(self._before(unit, {unit.parameter: self._arm.get(unit.parameter)}))
             arm = estimated(self._desk, before, self._record.arm, names)
             if arm == self._arm:
-                raise Over(f"{' and '.join(names)} changed nothing that lasts")
+                raise FindingWithdrawn(f"{' and '.join(names)} changed nothing that lasts")
         return Taken(self._adopt(arm), {name: arm.get(name) for name in names})
 
     def _rescale(self, found: Sequence[MonitoredUnit]) -> Taken:
@@ -246,7 +246,7 @@ class Measures:
         self._await_precise(names)
         taken = {name: size for name, (size, _) in self._offsets(names).items()}
         if not any(taken.values()):
-            raise Over(f"{' and '.join(names)} is none after all")
+            raise FindingWithdrawn(f"{' and '.join(names)} is none after all")
         upload = self._upload_offsets(before, joints, taken)
         known = self._offsets(names)
         if any(abs(size - taken[name]) > max(WRONG, 3.0 * deviation) for name, (size, deviation) in known.items()):

@@ -14,7 +14,15 @@ from dtwin.bus.twin_messages import MonitoredUnit, MonitoringVerdict
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.monitoring.kinds import PUSH, SLIP, arm_state, parse_fault_id
 from dtwin.recovery.answers import MEASURES, Answer, Measure, answer_to, order
-from dtwin.recovery.desk import Desk, Grave, Late, Over, TakenBack, Tripped, Unsure
+from dtwin.recovery.desk import (
+    CriticalFinding,
+    DeadlinePassed,
+    Desk,
+    DoubtfulFinding,
+    FindingWithdrawn,
+    RolledBack,
+    StoppedByController,
+)
 from dtwin.recovery.measures import Measures, Taken, TooWeak
 from dtwin.signals import MONITOR, Event
 
@@ -86,13 +94,13 @@ class Operator:
         while not self._desk.stopped:
             try:
                 self._listen()
-            except Late as late:
+            except DeadlinePassed as late:
                 if self._new():
                     self.trouble = str(late)
                 return
-            except Grave as grave:
+            except CriticalFinding as grave:
                 self._halt(grave.finding)
-            except Tripped as tripped:
+            except StoppedByController as tripped:
                 self._explain(str(tripped))
             except (CommunicationError, ParameterError) as error:
                 self._complain(error)
@@ -164,7 +172,7 @@ class Operator:
 
         Raises:
             ParameterError: one of them stands no more, or they ask for different measures.
-            Late, Grave, Tripped, CommunicationError: as the measures do.
+            DeadlinePassed, CriticalFinding, StoppedByController, CommunicationError: as the measures do.
         """
         standing = self._desk.findings
         if missing := [name for name in names if name not in standing]:
@@ -198,12 +206,12 @@ class Operator:
             taken = self._measures.take(measure, found)
         except TooWeak as weak:
             return self._stop(found, f"{fault.where}: {weak}", order(fault))
-        except Unsure as doubt:
+        except DoubtfulFinding as doubt:
             return self._stop(found, f"{doubt}: too doubtful to change the model", FIND_OUT)
-        except TakenBack as error:
+        except RolledBack as error:
             self._try_again(found, error)
             return str(error)
-        except Over as over:
+        except FindingWithdrawn as over:
             self._desk.say(f"goes on: {over}")
             self._drop(step)
             return str(over)
@@ -218,7 +226,7 @@ class Operator:
         else:
             self.steps[step] = self.steps[step]._replace(measure="go on")
 
-    def _try_again(self, found: Sequence[MonitoredUnit], error: TakenBack) -> None:
+    def _try_again(self, found: Sequence[MonitoredUnit], error: RolledBack) -> None:
         """Has findings answered once more, since a trial may fail for what the arm was doing when it began."""
         again = {unit.parameter: unit.detected for unit in found}
         if again.items() <= self._again.items():

@@ -13,7 +13,7 @@ from dtwin.bus.twin_messages import MonitoredUnit
 from dtwin.errors import CommunicationError, DtwinError, ParameterError
 from dtwin.monitoring.kinds import parse_fault_id
 from dtwin.recovery.answers import Measure, answer_to
-from dtwin.recovery.desk import Desk, Grave, Tripped
+from dtwin.recovery.desk import CriticalFinding, Desk, StoppedByController
 from dtwin.recovery.operator import Operator
 from dtwin.simulation.proposals.book import HOLDS
 
@@ -90,7 +90,7 @@ class Proposals:
         reason = f"proposal {proposal.number} of {proposal.request.who}"
         try:
             outcome = operator.take(proposal.request.parameters, proposal.by, reason)
-        except (Grave, Tripped) as grave:
+        except (CriticalFinding, StoppedByController) as grave:
             self._report(proposal, f"interrupted: {grave}")
             raise
         except DtwinError as error:

@@ -10,7 +10,7 @@ from dtwin.bus.twin_messages import IdentificationDecision, IdentificationReques
 from dtwin.errors import CommunicationError
 from dtwin.monitoring.kinds import RELATIVE, parse_fault_id, plausible_sizes, reference
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters, symbol_of
-from dtwin.recovery.desk import Desk, Unsure
+from dtwin.recovery.desk import Desk, DoubtfulFinding
 
 PATIENCE: Final = 5.0
 """s for which a better estimate of the monitor is waited for"""
@@ -35,8 +35,8 @@ def refitted(desk: Desk, arm: ArmParameters, names: Sequence[str], since: float)
 
     Raises:
         CommunicationError: identification refuses, or its model is in doubt.
-        Late: the time is over.
-        Grave: a finding stands that stops the arm.
+        DeadlinePassed: the time is over.
+        CriticalFinding: a finding stands that stops the arm.
     """
     symbols = sorted({symbol_of(name) for name in names})
     request = IdentificationRequest(",".join(symbols), source="motion", since=since, anew=",".join(names))
@@ -70,9 +70,9 @@ def estimated(desk: Desk, arm: ArmParameters, healthy: ArmParameters, names: Seq
         names: parameters that have changed.
 
     Raises:
-        Unsure: what changed is probably something else.
-        Late: the time is over.
-        Grave: a finding stands that stops the arm.
+        DoubtfulFinding: what changed is probably something else.
+        DeadlinePassed: the time is over.
+        CriticalFinding: a finding stands that stops the arm.
     """
     plausible, until = plausible_sizes(healthy), desk.time + PATIENCE
     units = {name: reference(name, healthy) if parse_fault_id(name).about.unit == RELATIVE else 1.0 for name in names}
@@ -85,7 +85,7 @@ def estimated(desk: Desk, arm: ArmParameters, healthy: ArmParameters, names: Seq
             break
     doubted = [unit.text for unit in known.values() if unit.confidence < EARNED]
     if doubted:
-        raise Unsure(" and ".join(doubted))
+        raise DoubtfulFinding(" and ".join(doubted))
     # An estimate near zero may lie below it, where no parameter of an arm is.
     sizes = {name: known[name].size * units[name] if name in known else 0.0 for name in names}
     values = {name: max(arm.get(name) + size, 0.0) for name, size in sizes.items()}

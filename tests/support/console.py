@@ -201,7 +201,11 @@ class Served:
         def seen() -> bool:
             self.cell.sample(number)
             age = self.console.hub.age
-            return age is not None and age < 0.5 and self.console.hub.state().services.keys() == self.cell.services.keys()
+            return (
+                age is not None
+                and age < 0.5
+                and self.console.hub.state().services.keys() == self.cell.services.keys()
+            )
 
         until(seen, "the console hears the cell")
 

@@ -24,7 +24,7 @@ from dtwin.experiments.recovery.known import KnownArm
 from dtwin.experiments.recovery.outcome import Story
 from dtwin.monitoring.kinds import PUSH
 from dtwin.recovery.answers import Measure
-from dtwin.recovery.desk import Desk, Grave, Late, Tripped
+from dtwin.recovery.desk import CriticalFinding, DeadlinePassed, Desk, StoppedByController
 from dtwin.recovery.measures import Taken
 from dtwin.recovery.operator import Step
 from dtwin.signals import MONITOR, Event
@@ -72,7 +72,7 @@ def _played(desk: Desk, found: Served, case: RecoveryCase, pushes: list[Event]) 
         if script.stopped:
             desk.stopped, stopped = True, desk.time
             desk.pass_time(STANDS)
-    except (DtwinError, Late, Grave, Tripped) as error:
+    except (DtwinError, DeadlinePassed, CriticalFinding, StoppedByController) as error:
         trouble = str(error)
     answers = found.answering.answers
     stops = [Step(stopped, tuple(desk.findings) or ("stop",), "stop", Taken(None, {}))] if desk.stopped else []
@@ -108,9 +108,9 @@ def _script(desk: Desk, found: Served, end: float) -> tuple[Script, str]:
             for _ in desk.messages():
                 if not thread.is_alive():
                     break
-        except (Grave, Tripped):
+        except (CriticalFinding, StoppedByController):
             continue  # The script has to see it.
-        except Late:
+        except DeadlinePassed:
             break
     thread.join()
     return made[0], trouble[0] if trouble else ""

@@ -20,7 +20,7 @@ from dtwin.experiments.recovery.known import KnownArm, known_arm
 from dtwin.experiments.recovery.outcome import Recovery, Story, judge
 from dtwin.logs.reading import read_log
 from dtwin.parameters import PERIOD
-from dtwin.recovery.desk import Desk, Grave, Late, Tripped
+from dtwin.recovery.desk import CriticalFinding, DeadlinePassed, Desk, StoppedByController
 from dtwin.recovery.measures import Measures
 from dtwin.recovery.operator import Operator
 from dtwin.run.settings import sequence_of
@@ -116,7 +116,7 @@ def _played(desk: Desk, healthy: KnownArm, case: RecoveryCase) -> Story:
         operator.watch()
         if desk.stopped:
             desk.pass_time(STANDS)
-    except (CommunicationError, ParameterError, Late, Grave, Tripped) as error:
+    except (CommunicationError, ParameterError, DeadlinePassed, CriticalFinding, StoppedByController) as error:
         operator.trouble = str(error)
     return Story(
         began, started, tuple(operator.findings), tuple(operator.steps), tuple(measures.offsets), operator.trouble
