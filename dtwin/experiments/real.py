@@ -43,6 +43,7 @@ class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     arm: str
     train: tuple[str, ...]
     test: tuple[str, ...]
+    tip: str | None = None
     columns: str = ""
     source: str = ""
     load: dict[str, float] = {}
@@ -125,7 +126,7 @@ def real_experiment(folder: Path, progress: Progress) -> Benchmark:
         DtwinError: a file cannot be read, or tells too little.
     """
     plan = read_plan(folder)
-    arm = read_urdf(folder / plan.arm)
+    arm = read_urdf(folder / plan.arm, tip=plan.tip)
     columns = read_map(folder / plan.columns) if plan.columns else None
     names = [*plan.train, *plan.test]
     logs = {}

@@ -199,8 +199,7 @@ def guess_map(table: Table, joints: int | None = None) -> ColumnMap:
             continue
         role = next((r for r, pattern in _NAMES.items() if re.search(pattern, name, re.IGNORECASE)), None)
         if role:
-            stem = re.sub(r"\d+$", "", re.sub(r"^((?:action|observation\.state))\..*", r"\1", name))
-            groups.setdefault(role, {}).setdefault(stem.rstrip("._"), []).append(name)
+            groups.setdefault(role, {}).setdefault(_stem(name), []).append(name)
     chosen = {role: _fitting(stems, joints) for role, stems in groups.items()}
     if not chosen.get("position"):
         raise RecordingError(
@@ -212,6 +211,14 @@ def guess_map(table: Table, joints: int | None = None) -> ColumnMap:
     }
     unit = next((u for u in ("ms", "us", "ns") if re.search(rf"_?{u}$", time, re.IGNORECASE)), "s")
     return ColumnMap(time=time, time_unit=unit, episode=episode, **roles)
+
+
+def _stem(name: str) -> str:
+    """What the columns of one quantity have in common: q of q1 and q.0, position of position.elbow."""
+    for known in ("action", "observation.state"):
+        if name.startswith(f"{known}."):
+            return known
+    return name.rpartition(".")[0] or re.sub(r"\d+$", "", name).rstrip("_")
 
 
 def _fitting(stems: dict[str, list[str]], joints: int | None) -> list[str]:

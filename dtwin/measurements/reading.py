@@ -7,15 +7,29 @@ from pathlib import Path
 from dtwin.arm.chain import Arm
 from dtwin.measurements.checks import measurement_of
 from dtwin.measurements.columns import ColumnMap, checked_map, guess_map
-from dtwin.measurements.doors import read_table
+from dtwin.measurements.doors import Table, read_table
 from dtwin.measurements.measurement import Measurement
+
+
+def table_of(path: Path) -> Table:
+    """The table of a file or folder, whatever kind it is.
+
+    Raises:
+        RecordingError: it cannot be read.
+    """
+    bag = path.suffix.lower() in (".mcap", ".db3") or (path / "metadata.yaml").is_file()
+    if not bag or not path.exists():
+        return read_table(path)
+    from dtwin.measurements.bags import read_bag  # an extra, which few logs need
+
+    return read_bag(path)
 
 
 def read_measurement(path: Path, columns: ColumnMap | None = None, arm: Arm | None = None) -> Measurement:
     """Reads a log.
 
     Args:
-        path: CSV, Parquet, NPZ or MAT file, or the folder of a LeRobot data set.
+        path: CSV, Parquet, NPZ, MAT or MCAP file, or the folder of a LeRobot data set or of a rosbag2.
         columns: what its columns mean; None for a guess.
         arm: the arm, if it is known: the number of its joints and their limits are checked.
 
@@ -23,7 +37,7 @@ def read_measurement(path: Path, columns: ColumnMap | None = None, arm: Arm | No
         RecordingError: the file cannot be read, or something is wrong with it that cannot be put right; the message
             names column and row.
     """
-    table = read_table(path)
+    table = table_of(path)
     joints = None if arm is None else len(arm)
     chosen = guess_map(table, joints) if columns is None else columns
     return measurement_of(table, checked_map(chosen, table, joints), arm)

@@ -88,6 +88,8 @@ class Identify(MachineOption):
     """Write motion, intervals and correlation to this .rrd file for the Rerun viewer."""
     arm: Path | None = None
     """URDF file of another arm, a serial chain of any number of joints: it is identified from the logs alone."""
+    tip: str | None = None
+    """Last link of the chain (--arm); the end of the longest chain if not given."""
     also: list[Path] = field(default_factory=list)
     """A further log of the same arm (--arm); repeat it."""
     columns: Path | None = None
@@ -141,7 +143,7 @@ class Identify(MachineOption):
         for path, ending in ((self.out, ".toml"), (self.urdf, ".urdf")):
             if path is not None:
                 ensure_writable(path, ending)
-        arm = read_urdf(file)
+        arm = read_urdf(file, tip=self.tip)
         columns = None if self.columns is None else read_map(self.columns)
         with Console(stderr=True).status("reading") as status:
             samples, masses = samples_of(arm, [self.log, *self.also], self.load, columns)

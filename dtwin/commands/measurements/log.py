@@ -14,9 +14,9 @@ from dtwin.arm.urdf import read_urdf
 from dtwin.files import ensure_writable, replacing
 from dtwin.measurements.checks import measurement_of
 from dtwin.measurements.columns import checked_map, guess_map, map_text, read_map
-from dtwin.measurements.doors import read_table
 from dtwin.measurements.measurement import Measurement
 from dtwin.measurements.page import HEAD, oddities, page, rows_of, summary
+from dtwin.measurements.reading import table_of
 from dtwin.terminal import as_text, print_json, print_table
 
 
@@ -28,11 +28,13 @@ class LogShow:
     """
 
     log: Annotated[Path, tyro.conf.Positional]
-    """CSV, Parquet, NPZ or MAT file, or the folder of a LeRobot data set."""
+    """CSV, Parquet, NPZ, MAT or MCAP file, or the folder of a LeRobot data set or of a rosbag2."""
     columns: Path | None = None
     """TOML file that says what the columns mean; guessed if not given."""
     arm: Path | None = None
     """URDF file of the arm, by whose joints and limits the log is checked."""
+    tip: str | None = None
+    """Last link of the chain (--arm); the end of the longest chain if not given."""
     map: Path | None = None
     """Write what the columns are taken for to this TOML file, to be corrected and given as --columns."""
     page: Path | None = None
@@ -44,9 +46,9 @@ class LogShow:
         for path, ending in ((self.map, ".toml"), (self.page, ".html")):
             if path is not None:
                 ensure_writable(path, ending)
-        arm = None if self.arm is None else read_urdf(self.arm)
+        arm = None if self.arm is None else read_urdf(self.arm, tip=self.tip)
         joints = None if arm is None else len(arm)
-        table = read_table(self.log)
+        table = table_of(self.log)
         columns = guess_map(table, joints) if self.columns is None else read_map(self.columns)
         checked_map(columns, table, joints)
         if self.map is not None:
