@@ -2,8 +2,8 @@
 
 The module is a folder for FORTE's own build. Each type is a C file with its state, the functions of its algorithms
 and events (as `native.blocks` makes them), and tables of its ports; `forte/blocks.cpp` reads the tables and fits
-FORTE 2.0 and 3.0. The name of a type ends with a digest of all these texts: a FORTE that has a type of that name does
-what they say.
+FORTE 2.0 and the development versions of 3.0. The name of a type ends with a digest of all these texts: a FORTE that
+has a type of that name does what they say.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ def module_files(name: str, types: Iterable[DeviceType]) -> dict[str, str]:
 def _wrapper() -> dict[str, str]:
     """The files that are the same for all types."""
     own = Path(__file__).parent / "forte"
-    return {file.name: file.read_text() for file in (HEADER, own / "types.h", own / "blocks.cpp")}
+    return {file.name: file.read_text() for file in (HEADER, *sorted(own.iterdir()))}
 
 
 def _source(block: Algorithmic) -> str:
@@ -144,7 +144,7 @@ def _tables(block: Algorithmic) -> list[str]:
                 row = f"with_{c_name(event.name)}"
                 numbers = [str(data.index(variable) - offset) for variable in event.with_variables]
                 lines += ["", f"static const int16_t {row}[] = {{{', '.join([*numbers, '-1'])}}};"]
-            rows.append(f"{{{quoted(event.name)}, {row}}}")
+            rows.append(f"{{{quoted(event.name)}, {quoted(event.type)}, {row}}}")
         lines += _array("struct dtwin_event", name, rows)
     for name, variables in (("inputs", ports.inputs), ("outputs", ports.outputs), ("internals", block.internals)):
         lines += _array("struct dtwin_data", name, [_row(block, variable) for variable in variables])

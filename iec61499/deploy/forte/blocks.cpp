@@ -1,9 +1,11 @@
-// Makes the block types of the module known to the 4diac FORTE into which this is built, of 2.0 or 3.0.
+// Makes the block types of the module known to the 4diac FORTE into which this is built, of 2.0 or 3.0, whose
+// development versions differ: versions.h finds out what they have when this is compiled.
 //
 // The values of a block that FORTE sees are copied to the state that the C functions work on before an event, and
 // back whenever they issue one and at their end.
 
 #include "module.h"
+#include "versions.h"
 
 #include <basicfb.h>
 #include <resource.h>
@@ -43,11 +45,8 @@
 
 namespace {
 
-using Id = CStringDictionary::TStringId;
-
-Id idOf(const char *text) {
-  return CStringDictionary::getInstance().insert(text);
-}
+using dtwin::Id;
+using dtwin::idOf;
 
 // ---- values ----
 
@@ -172,20 +171,16 @@ class Variable {
 
 // ---- types ----
 
-std::vector<Id> eventNames(const dtwin_event *events, size_t count) {
+struct Events {
   std::vector<Id> names;
-  for(size_t k = 0; k < count; ++k) {
-    names.push_back(idOf(events[k].name));
-  }
-  return names;
-}
-
-struct With {
+  std::vector<Id> types;
   std::vector<TDataIOID> numbers;
   std::vector<TForteInt16> starts;
 
-  With(const dtwin_event *events, size_t count) {
+  Events(const dtwin_event *events, size_t count) {
     for(size_t k = 0; k < count; ++k) {
+      names.push_back(idOf(events[k].name));
+      types.push_back(idOf(events[k].type));
       starts.push_back(events[k].with ? static_cast<TForteInt16>(numbers.size()) : static_cast<TForteInt16>(-1));
       for(const int16_t *data = events[k].with; data && *data >= 0; ++data) {
         numbers.push_back(static_cast<TDataIOID>(*data));
@@ -223,30 +218,39 @@ struct Data {
 struct Type {
   const dtwin_type &code;
   Id name;
-  std::vector<Id> eventInputs, eventOutputs;
-  With inputsWith, outputsWith;
+  Events eventInputs, eventOutputs;
   Data inputs, outputs, internals;
   SFBInterfaceSpec interface;
   SInternalVarsInformation internalVariables;
 
   explicit Type(const dtwin_type &paCode) :
-      code(paCode), name(idOf(code.name)), eventInputs(eventNames(code.event_inputs, code.event_input_count)),
-          eventOutputs(eventNames(code.event_outputs, code.event_output_count)),
-          inputsWith(code.event_inputs, code.event_input_count),
-          outputsWith(code.event_outputs, code.event_output_count), inputs(code.inputs, code.input_count),
+      code(paCode), name(idOf(code.name)), eventInputs(code.event_inputs, code.event_input_count),
+          eventOutputs(code.event_outputs, code.event_output_count), inputs(code.inputs, code.input_count),
           outputs(code.outputs, code.output_count), internals(code.internals, code.internal_count), interface(),
           internalVariables() {
 #if DTWIN_FORTE == 3
-    interface = {code.event_input_count, eventInputs.data(), inputsWith.numbers.data(), inputsWith.starts.data(),
-      code.event_output_count, eventOutputs.data(), outputsWith.numbers.data(), outputsWith.starts.data(),
-      code.input_count, inputs.names.data(), inputs.types.data(),
-      code.output_count, outputs.names.data(), outputs.types.data(), 0, nullptr, 0, nullptr};
+    // by name, as the versions have them in different orders
+    interface.mNumEIs = code.event_input_count;
+    interface.mEINames = eventInputs.names.data();
+    interface.mEIWith = eventInputs.numbers.data();
+    interface.mEIWithIndexes = eventInputs.starts.data();
+    interface.mNumEOs = code.event_output_count;
+    interface.mEONames = eventOutputs.names.data();
+    interface.mEOWith = eventOutputs.numbers.data();
+    interface.mEOWithIndexes = eventOutputs.starts.data();
+    interface.mNumDIs = code.input_count;
+    interface.mDINames = inputs.names.data();
+    interface.mDIDataTypeNames = inputs.types.data();
+    interface.mNumDOs = code.output_count;
+    interface.mDONames = outputs.names.data();
+    interface.mDODataTypeNames = outputs.types.data();
+    dtwin::setEventTypes(interface, eventInputs.types.data(), eventOutputs.types.data(), 0);
 #else
-    interface = {static_cast<TForteUInt8>(code.event_input_count), eventInputs.data(), inputsWith.numbers.data(),
-      inputsWith.starts.data(), static_cast<TForteUInt8>(code.event_output_count), eventOutputs.data(),
-      outputsWith.numbers.data(), outputsWith.starts.data(), static_cast<TForteUInt8>(code.input_count),
-      inputs.names.data(), inputs.types.data(), static_cast<TForteUInt8>(code.output_count), outputs.names.data(),
-      outputs.types.data(), 0, nullptr};
+    interface = {static_cast<TForteUInt8>(code.event_input_count), eventInputs.names.data(),
+      eventInputs.numbers.data(), eventInputs.starts.data(), static_cast<TForteUInt8>(code.event_output_count),
+      eventOutputs.names.data(), eventOutputs.numbers.data(), eventOutputs.starts.data(),
+      static_cast<TForteUInt8>(code.input_count), inputs.names.data(), inputs.types.data(),
+      static_cast<TForteUInt8>(code.output_count), outputs.names.data(), outputs.types.data(), 0, nullptr};
 #endif
     internalVariables = {code.internal_count, internals.names.data(), internals.types.data()};
   }

@@ -4,9 +4,10 @@
 
 #include "fb.h"
 
-/* An event: its name and the numbers of the data WITH it, ended by -1; NULL if there are none. */
+/* An event: its name and type, and the numbers of the data WITH it, ended by -1; NULL if there are none. */
 struct dtwin_event {
     const char *name;
+    const char *type;
     const int16_t *with;
 };
 

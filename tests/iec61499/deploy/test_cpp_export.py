@@ -122,6 +122,61 @@ def test_an_execution_issues_events_with_the_data_of_their_moment(tmp_path: Path
     ]
 
 
+DICTIONARIES = {
+    2024: """
+        struct CStringDictionary {
+            typedef size_t TStringId;
+            static CStringDictionary &getInstance() { static CStringDictionary one; return one; }
+            TStringId insert(const char *text) { return strlen(text); }
+        };""",
+    2025: """
+        struct CStringDictionary {
+            typedef size_t TStringId;
+            static TStringId insert(const char *text) { return strlen(text); }
+        };""",
+}
+"""How development versions of FORTE keep names."""
+INTERFACES = {
+    2024: "struct SFBInterfaceSpec { const CStringDictionary::TStringId *mEINames; };",
+    2025: "struct SFBInterfaceSpec { const CStringDictionary::TStringId *mEITypeNames, *mEOTypeNames; };",
+}
+VERSIONS = """
+#include <stdio.h>
+#include "module.h"
+#include "versions.h"
+int main() {
+    const dtwin_event &input = DTWIN_MODULE[0]->event_inputs[0];
+    const dtwin::Id types[] = {dtwin::idOf(input.type)};
+    SFBInterfaceSpec interface = {};
+    dtwin::setEventTypes(interface, types, nullptr, 0);
+    printf("%s %zu %d", input.type, types[0], *reinterpret_cast<void **>(&interface) == types);
+}
+"""
+
+
+@needs_cc
+@pytest.mark.skipif(shutil.which("c++") is None, reason="no system compiler c++")
+@pytest.mark.parametrize("year", [2024, 2025])
+def test_the_module_fits_a_forte_of_either_year(tmp_path: Path, year: int) -> None:
+    """What differs: whether the dictionary of names has an instance, and interfaces the types of events."""
+    first, *others = COUNT.interface.event_inputs
+    interface = replace(COUNT.interface, event_inputs=(replace(first, type="EInit"), *others))
+    for name, text in module_files("counting", [built_in_type(replace(COUNT, interface=interface))]).items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    folder = tmp_path / "counting"
+    (folder / "stringdict.h").write_text(f"#pragma once\n#include <string.h>\n{DICTIONARIES[year]}\n")
+    (folder / "funcbloc.h").write_text(f'#pragma once\n#include "stringdict.h"\n{INTERFACES[year]}\n')
+    (folder / "main.cc").write_text(VERSIONS)
+    objects = [str(path) for path in folder.glob("*.c")]
+    subprocess.run([str(CC), "-std=c99", "-c", *objects], check=True, cwd=folder)
+    made = [str(path) for path in folder.glob("*.o")]
+    strict = ["-std=c++17", "-Wall", "-Wextra", "-Werror", "-fno-rtti", "-fno-exceptions"]
+    subprocess.run(["c++", *strict, "-I.", "-o", "run", "main.cc", *made, "-lm"], check=True, cwd=folder)
+    done = subprocess.run([str(folder / "run")], capture_output=True, text=True, check=True)
+    assert done.stdout == f"EInit 5 {int(year == 2025)}"
+
+
 def test_the_name_tells_versions_apart() -> None:
     kind = built_in_type(COUNT)
     assert is_built_in(kind.name)
