@@ -6,6 +6,7 @@ Ranges are checked where a signal is decoded, not where it is made.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from enum import StrEnum
 from typing import Annotated, Final, Literal, get_args
 
@@ -84,7 +85,8 @@ class EventKind(StrEnum):
 
 
 MONITOR: Final = "monitor_"
-"""Stands before the kind of every event that the monitoring service publishes, such as monitor_failed."""
+"""Stands before the kind of every event of the monitor outside of it, such as monitor_failed: on the bus, in the API,
+in what `dtwin monitor` prints, and in recordings."""
 
 
 class BoxCounts(msgspec.Struct, frozen=True):
@@ -157,6 +159,11 @@ class Event(msgspec.Struct, frozen=True, gc=False, tag_field="schema", tag=SCHEM
     time: Seconds
     kind: Word
     text: Line
+
+
+def of_monitor(events: Iterable[Event]) -> tuple[Event, ...]:
+    """The monitor's events by the names that they have outside of it."""
+    return tuple(Event(event.time, MONITOR + event.kind, event.text) for event in events)
 
 
 class StepRecord(msgspec.Struct, frozen=True, gc=False):

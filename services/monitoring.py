@@ -57,7 +57,7 @@ from dtwin.run.options import CellFileOption
 from dtwin.services.parts.readiness.preparation import prepare
 from dtwin.services.parts.stopping.demands import Demands
 from dtwin.services.service import Link, Service, main
-from dtwin.signals import MONITOR, Event, EventKind, Sensors, Voltages
+from dtwin.signals import Event, EventKind, Sensors, Voltages, of_monitor
 
 log = logging.getLogger(__name__)
 
@@ -215,9 +215,9 @@ class Monitoring:
         news = monitor.events[self._told :]
         if news:
             self._tell_verdict(monitor.verdict())
-        for event in news:
+        for event in of_monitor(news):
             log.info("%.2f s: %s: %s", event.time, event.kind, event.text)
-            self._tell_event(Event(event.time, MONITOR + event.kind, event.text))
+            self._tell_event(event)
         self._told = len(monitor.events)
         if news and self._demands is not None:
             self._demands.stand(frozenset(monitor.findings.current))

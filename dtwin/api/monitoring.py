@@ -130,7 +130,7 @@ def monitor(
         tuple(watching.standing()),
         tuple(watching.history),
         tuple(watching.forecasts),
-        tuple(watching.events),
+        trace.events,
         trace,
         believed_arm(belief),
     )

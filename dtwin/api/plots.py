@@ -11,14 +11,15 @@ from dtwin.logs.log import Log
 from dtwin.monitoring.offline import Trace
 from dtwin.parameters import VOLTAGE_LIMIT
 from dtwin.pictures import COLOURS, DARK, RED, legend, new_figure
-from dtwin.signals import Event, EventKind
+from dtwin.signals import MONITOR, Event, EventKind
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 _GRAVE: Final = (
-    *(EventKind.FAULT, EventKind.FAILED, EventKind.MISFIT, EventKind.SAFE, EventKind.STOP, EventKind.DIVERGED),
+    *(MONITOR + EventKind.FAILED, MONITOR + EventKind.MISFIT),
+    *(EventKind.FAULT, EventKind.SAFE, EventKind.STOP, EventKind.DIVERGED),
     *(EventKind.COLLISION, EventKind.MISPLACED, EventKind.SLIPPED, EventKind.GRIP_MISSED),
 )
 """kinds of events that are drawn in red"""

@@ -15,7 +15,7 @@ from dtwin.logs.log import Log
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.thesis import ThesisMonitor
 from dtwin.monitoring.tracking.samples import NO_TAPE, Samples, Tape
-from dtwin.signals import Event
+from dtwin.signals import Event, of_monitor
 
 Array = NDArray[np.float64]
 
@@ -132,7 +132,7 @@ def watch(monitor: Monitor, seen: Stream, progress: Callable[[int], None] = lamb
                 verdicts.append((row, verdict))
             progress(done)
     predicted, deviation = seen.measured - tape.innovation, np.sqrt(tape.variance)
-    return Trace(predicted, deviation, tape.statistic, monitor.threshold, tuple(verdicts), tuple(monitor.events))
+    return Trace(predicted, deviation, tape.statistic, monitor.threshold, tuple(verdicts), of_monitor(monitor.events))
 
 
 def _told(verdict: MonitoringVerdict) -> list[tuple[object, ...]]:

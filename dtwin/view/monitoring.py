@@ -17,7 +17,7 @@ from dtwin.errors import RecordingError
 from dtwin.logs.log import Log
 from dtwin.parameters import ArmParameters
 from dtwin.run.prediction import DATA_SHEET, BelievedArm
-from dtwin.signals import Event, EventKind
+from dtwin.signals import MONITOR, Event, EventKind
 from dtwin.task import task_of
 from dtwin.view import scene, style
 from dtwin.view.layout import Extent, blueprint, extent_of, plot_view
@@ -49,10 +49,10 @@ _TEXT: Final = f"{scene.ROOT}/verdicts/text"
 _TEXT_AT: Final = (0.0, -0.02, 0.4)
 """m, above the arm"""
 _LEVELS: Final[Mapping[str, rr.TextLogLevel]] = {
-    EventKind.FAILED: rr.TextLogLevel.ERROR,
-    EventKind.SUSPECTED: rr.TextLogLevel.WARN,
-    EventKind.RESTART: rr.TextLogLevel.WARN,
-    EventKind.MISFIT: rr.TextLogLevel.WARN,
+    MONITOR + EventKind.FAILED: rr.TextLogLevel.ERROR,
+    MONITOR + EventKind.SUSPECTED: rr.TextLogLevel.WARN,
+    MONITOR + EventKind.RESTART: rr.TextLogLevel.WARN,
+    MONITOR + EventKind.MISFIT: rr.TextLogLevel.WARN,
 }
 _NOMINAL: Final = ArmParameters()
 _BAND_COLOUR: Final[style.RGB] = (110, 120, 130)

@@ -24,7 +24,7 @@ STATES: Final = ("waiting", "fetching", "carrying", "stopped")
 it holds a box, or opens the gripper over its place; stopped: a safe stop holds it, or it gets 0 V."""
 _WAITING, _FETCHING, _CARRYING = range(3)
 _STATE_COLOURS: Final = ((120, 130, 140), (86, 204, 242), (255, 183, 77), (235, 50, 45))
-_FINDINGS: Final = frozenset({EventKind.FAILED, MONITOR + EventKind.FAILED})
+_FINDING: Final = MONITOR + EventKind.FAILED
 _FAULTS: Final = frozenset({EventKind.FAULT, EventKind.DIVERGED, EventKind.COLLISION, EventKind.MISPLACED})
 _MARKUP: Final = re.compile(r"([!-/:-@\[-`{-~])")
 """What Markdown may take for more than text, and lets be shown after a backslash."""
@@ -55,7 +55,7 @@ def marks(events: Iterable[Event]) -> list[Mark]:
     """The moments that are worth a look, in order of time: faults, findings and stops, the first ones of many."""
     found = []
     for event in events:
-        if event.kind in _FINDINGS:
+        if event.kind == _FINDING:
             found.append(Mark(event.time, "finding", event.text))
         elif event.kind in _FAULTS:
             found.append(Mark(event.time, "fault", event.text))

@@ -42,6 +42,7 @@ def test_a_faulty_log_is_reported_and_fails(faulty: Path, capsys: pytest.Capture
     status, out, _ = run(["monitor", str(faulty)], capsys)
     assert status == 1
     assert "joint 1   failed" in out
+    assert re.search(r"s  monitor_failed +voltage constant of joint 1", out)
     assert (
         "finding   voltage constant of joint 1, -40." in out or "finding   voltage constant of joint 1, -39." in out
     )
@@ -57,6 +58,8 @@ def test_json_says_the_same_to_programs(method: str, collapsed: Path, capsys: py
     assert "failed" in report["verdict"]["states"].values()
     assert report["findings"]
     assert report["real_time_factor"] > 1.0
+    # the name that the event has on the bus
+    assert "monitor_failed" in {event["kind"] for event in report["events"]}
     if method == "default":
         assert report["verdict"]["states"]["joint 2"] == "failed"
         assert report["findings"][0]["cause"] == "voltage constant"

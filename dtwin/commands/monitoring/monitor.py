@@ -31,7 +31,7 @@ from dtwin.monitoring.thesis import ThesisMonitor, ThesisSettings
 from dtwin.monitoring.trend import Forecast
 from dtwin.monitoring.verdict import Finding
 from dtwin.parameters import ArmParameters
-from dtwin.signals import Event
+from dtwin.signals import Event, of_monitor
 from dtwin.task import task_of
 from dtwin.terminal import as_text, print_json
 
@@ -139,7 +139,7 @@ class MonitorCommand:
             seen.feed(thesis, first, min(first + SECOND, len(seen)))
             progress(first, len(seen))
         found = tuple(thesis.standing())
-        return _Compared(thesis.verdict(), found, found, (), tuple(thesis.events))
+        return _Compared(thesis.verdict(), found, found, (), of_monitor(thesis.events))
 
 
 class _Compared(NamedTuple):
@@ -165,7 +165,7 @@ def _print(
 ) -> None:
     console = Console(highlight=False, soft_wrap=True)
     for event in events:
-        console.print(as_text(f"{event.time:10.2f} s  {event.kind:<10}  {event.text}"))
+        console.print(as_text(f"{event.time:10.2f} s  {event.kind:<17}  {event.text}"))
     if events:
         console.print()
     print_states(console, verdict, found)

@@ -199,8 +199,10 @@ class CExpressions:
         assert isinstance(node.left.type, ElementaryType)
         assert isinstance(node.right.type, ElementaryType)
         kind, base, exponent = c_type(node.type), self.text(node.left), self.open(node.right)
-        if _signedness(node.right.type) == "signed":
+        if _signedness(node.right.type) == "signed" and _signedness(node.left.type) == "signed":
             return f"({kind})fb_raise_signed((int64_t){base}, {exponent})"
+        if _signedness(node.right.type) == "signed":
+            return f"({kind})fb_raise_unsigned((uint64_t){base}, {exponent})"
         return f"({kind})fb_raise((uint64_t){base}, {exponent})"
 
     def _scaled_time(self, operator: str, left: typed.Expression, right: typed.Expression) -> str:

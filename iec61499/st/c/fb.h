@@ -272,6 +272,12 @@ static inline int64_t fb_raise_signed(int64_t base, int64_t exponent)
     return (int64_t)fb_raise((uint64_t)base, (uint64_t)exponent);
 }
 
+/* The largest base is no -1. */
+static inline uint64_t fb_raise_unsigned(uint64_t base, int64_t exponent)
+{
+    return exponent < 0 ? base == 1 : fb_raise(base, (uint64_t)exponent);
+}
+
 /* Toward zero; what does not fit 64 bit, or is NaN, is -2^63, as on x86-64. */
 static inline int64_t fb_truncate(double x)
 {

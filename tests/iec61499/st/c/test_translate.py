@@ -50,6 +50,7 @@ CASES: list[tuple[str, dict[str, Any]]] = [
     ("I := ABS(I); L := ABS(L); N := ABS(N); X := ABS(X);", {"I": -(2**31), "L": -(2**63), "N": -128, "X": -0.0}),
     ("I := I ** 3; J := J ** -1; K := K ** -2; L := L ** 63; UL := UL ** 5;", {"I": -7, "J": -1, "K": 1, "L": 3}),
     ("LW := ROL(LW, 70); DW := ROR(DW, -1); W := SHR(W, 20);", {"LW": 2**63 + 5, "DW": 9, "W": 77}),
+    ("UL := UL ** I;", {"UL": 2**64 - 1, "I": -128}),
     ("UL := LREAL_TO_ULINT(X); I := LREAL_TO_DINT(Y); L := LREAL_TRUNC_LINT(Z);", {"X": -1.5, "Y": nan, "Z": -9e18}),
     ("P := LREAL_TO_USINT(X); N := LREAL_TO_SINT(Y);", {"X": 1e18, "Y": -300.5}),
     ("X := SQRT(X); Y := LN(Y); Z := EXP(Z);", {"X": -1.0, "Y": 0.0, "Z": 1e6}),
