@@ -147,7 +147,7 @@ class ManagementClient:
         for step, request, answer in zip(steps, requests, answers, strict=False):
             response = self._response(request, answer)
             if refusal is None and response.reason is not None:
-                refusal = self._refusal(step, response.reason)
+                refusal = self._refusal(step, response.reason, response.detail)
             elif refusal is None:
                 yield response
         if refusal is not None:
@@ -213,7 +213,7 @@ class ManagementClient:
         assert isinstance(port, ManagedConnection)
         found = self._read_by_watch(resource, port.source) if response.reason == "INVALID_OBJECT" else None
         if found is None:
-            raise self._refusal(step, response.reason)
+            raise self._refusal(step, response.reason, response.detail)
         return found
 
     def _read_by_watch(self, resource: str, source: str) -> str | None:

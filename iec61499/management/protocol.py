@@ -8,7 +8,8 @@ FORTE reads by position.
 A FORTE carries out only the last of several requests that it receives together. So a client sends one after the
 other, unless the device says how many it takes, when asked by `<Request ID="1" Action="QUERY"><Window/></Request>`,
 which a FORTE refuses as INVALID_OBJECT. Such a device also minds `After="1"` behind the action: the request is
-carried out only if the one before it has that ID and was fulfilled, and refused as NOT_READY otherwise.
+carried out only if the one before it has that ID and was fulfilled, and refused as NOT_READY otherwise. A client that
+has asked so is told in words why a request is refused, in `Detail="..."` behind the reason.
 """
 
 from __future__ import annotations
@@ -209,7 +210,7 @@ class Response:
         watches: what is watched, by resource and `BLOCK.PORT`.
         interface: the `<InterfaceList>` of the type that a QUERY asks for, as XML.
         window: how many requests may be under way at once; None when the device does not say.
-        detail: why a change was refused, in words.
+        detail: why a request was refused, in words.
     """
 
     id: str

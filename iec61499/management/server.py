@@ -42,6 +42,9 @@ TURN: Final = 0.001
 RequestHandler = Callable[[str, Request, Callable[[Response | Exception], None]], None]
 """Takes the resource's name and the request; gives the response, or why it refuses, to a function, now or later."""
 
+_LONGEST_DETAIL: Final = 1000
+"""Characters of the words that say why a request is refused."""
+
 
 @dataclass(slots=True)
 class _Session:
@@ -52,6 +55,7 @@ class _Session:
         replies: responses that are not sent yet.
         fulfilled: the ID of the last request if it was fulfilled, else "".
         known: whether a request has come.
+        told: whether the client has asked for the window: so it knows what only these devices say.
     """
 
     reader: MessageReader = field(default_factory=lambda: MessageReader(REQUESTS))
@@ -59,6 +63,7 @@ class _Session:
     replies: bytearray = field(default_factory=bytearray)
     fulfilled: str = ""
     known: bool = False
+    told: bool = False
 
 
 class ManagementServer:
@@ -157,14 +162,16 @@ class ManagementServer:
         if request.after and request.after != self._sessions[connection].fulfilled:
             answer(request.id, Response(request.id, "NOT_READY"))
         elif isinstance(request.subject, Window):
+            self._sessions[connection].told = True
             answer(request.id, Response(request.id, window=WINDOW))
         else:
             self._handle(resource, request, partial(answer, request.id))
 
     def _answer(self, connection: StreamConnection, text: str, number: str, outcome: Response | Exception) -> None:
         self._busy = False
-        response = _refusal(text, outcome) if isinstance(outcome, Exception) else outcome
         session = self._sessions.get(connection)
+        told = session is not None and session.told
+        response = _refusal(text, outcome, told) if isinstance(outcome, Exception) else outcome
         if session is not None:
             session.waiting -= 1
             session.fulfilled = number if response.reason is None else ""
@@ -182,11 +189,11 @@ def _text(string: str) -> str:
     return string.encode("latin-1").decode("utf-8", "replace")
 
 
-def _refusal(text: str, error: Exception) -> Response:
-    """The response to a request that is refused."""
+def _refusal(text: str, error: Exception, told: bool) -> Response:
+    """The response to a request that is refused, in words if the client is to be told."""
     if isinstance(error, ManagementError):
         log.log(logging.INFO if error.reason == "UNSUPPORTED_CMD" else logging.WARNING, "management: %s", error)
-        return Response(request_id(text), error.reason)
+        return Response(request_id(text), error.reason, detail=str(error)[:_LONGEST_DETAIL] if told else "")
     log.error("management: %.200s: %s: %s", text, type(error).__name__, error)
     return Response(request_id(text), "INVALID_OPERATION")
 
