@@ -138,7 +138,8 @@ def test_nothing_is_carried_out_after_a_refused_request(
     ]
     responses: list[Response] = []
     with served.client() as client:
-        with pytest.raises(ManagementError, match="refused CREATE block WRONG of type NONE: UNSUPPORTED_TYPE, .*NONE"):
+        said = r"refused CREATE block WRONG of type NONE: UNSUPPORTED_TYPE, .*NONE"
+        with pytest.raises(ManagementError, match=said):
             responses.extend(client.demand_all(change))
         assert len(responses) == count + 1
         assert [block.name for block in client.blocks("R")] == ["START", *(f"B{n}" for n in range(count))]
