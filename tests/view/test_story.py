@@ -101,7 +101,7 @@ def test_moments_are_faults_findings_and_stops_in_order_of_time() -> None:
         Event(3.0, "monitor_failed", "joint 2"),
         Event(1.0, "arrived", "a box"),
         Event(2.0, "fault", "K2*=0.1@2 began"),
-        Event(4.0, "failed", "joint 2"),
+        Event(4.0, "monitor_failed", "joint 2"),
     ]
     found = marks(events)
     assert [(mark.time, mark.kind) for mark in found] == [(2.0, "fault"), (3.0, "finding"), (4.0, "finding")]
@@ -227,7 +227,7 @@ def test_a_failed_link_is_red_while_it_has_failed_and_its_name_stands_above(tmp_
     spread = np.full((len(log), 3), 1e-3)
     verdicts = ((0, verdict(0.0, "nominal")), (200, verdict(2.0, "failed")), (300, verdict(3.0, "nominal")))
     opinion = Opinion(
-        log.stack("measured"), spread, spread[:, 0], verdicts, (Event(2.0, "failed", "voltage constant"),)
+        log.stack("measured"), spread, spread[:, 0], verdicts, (Event(2.0, "monitor_failed", "voltage constant"),)
     )
     write_monitoring(log, opinion, MODEL, tmp_path / "run.rrd")
     low, high = ranges_of(tmp_path / "run.rrd")["monitor/evidence"]
