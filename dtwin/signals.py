@@ -67,6 +67,7 @@ class EventKind(StrEnum):
     FAILED = "failed"
     RECOVERED = "recovered"
     SPIKE = "spike"
+    BURST = "burst"
     MISFIT = "misfit"
     FITS = "fits"
     ACKNOWLEDGED = "acknowledged"
