@@ -60,7 +60,9 @@ def measurement_of(table: Table, columns: ColumnMap, arm: Arm | None = None) -> 
     repairs.frozen(rows)
     repairs.clipped(rows)
     if len(rows.row) < max(20, (1.0 - _LOST) * rows.count):
-        raise RecordingError(f"{table.source}: {rows.count - len(rows.row)} of {rows.count} rows cannot be used")
+        worst = max(rows.odd, key=lambda odd: odd.count, default=None)
+        why = "" if worst is None else f", {worst.count} of them: {worst.column} {worst.what}"
+        raise RecordingError(f"{table.source}: {rows.count - len(rows.row)} of {rows.count} rows cannot be used{why}")
     repairs.velocities(rows)
     return _finished(rows, arm)
 

@@ -21,8 +21,12 @@ _FROZEN: Final = 0.3
 """Time for which a moving joint may read the same, s."""
 _MISSED: Final = 0.05
 """Part of a joint's travel that it may miss so."""
+_LEAST_MISSED: Final = 0.02
+"""What a joint must have missed at least, rad or m: less is the noise of a velocity at rest."""
 _CLIPPED: Final = 5
 """Rows in a row at the same largest effort from which on it was cut off."""
+_LEVELS: Final = 50
+"""Different values up to which an effort that stays the same is a coarse sensor at rest, not one at its limit."""
 _PILED: Final = 3.0
 """Times as many rows at the largest effort as near it, from which on it was cut off."""
 _FEW: Final = 0.02
@@ -126,7 +130,7 @@ def frozen(rows: Rows) -> None:
         least = max(5, int(_FROZEN / max(float(np.median(np.diff(t))), 1e-6)))
         long = _runs(same, least)
         for start, stop in _spans(long):
-            bad[start:stop] |= _travelled(rows, joint, start, stop) > _MISSED * np.ptp(values)
+            bad[start:stop] |= _travelled(rows, joint, start, stop) > max(_MISSED * np.ptp(values), _LEAST_MISSED)
     if bad.any():
         rows.told("a position stands still while the joint moves: the rows are left out as a gap", True, bad)
         rows.keep(~bad)
@@ -136,7 +140,9 @@ def _travelled(rows: Rows, joint: int, start: int, stop: int) -> float:
     """How far a joint must have come while its position read the same, by its velocity or by the jump after it."""
     values, t = rows.arrays["position"][:, joint], rows.arrays["t"]
     if "velocity" in rows.arrays:
-        return float(np.trapezoid(np.abs(rows.arrays["velocity"][start:stop, joint]), t[start:stop]))
+        speed = rows.arrays["velocity"][start:stop, joint]
+        moves = abs(float(speed.mean())) > _STILL  # a sensor may read a little at rest
+        return float(abs(np.trapezoid(speed, t[start:stop]))) if moves else 0.0
     usual = float(np.percentile(np.abs(np.diff(values)), 99.0))
     after = min(stop, len(values) - 1)
     if rows.arrays["episode"][after] != rows.arrays["episode"][stop - 1]:
@@ -160,7 +166,7 @@ def clipped(rows: Rows) -> None:
             at = values == limit
             near = np.abs(values - limit) < max(0.02 * np.ptp(values), 1.5 * _quantum(values))
             cut = _runs(at, _CLIPPED)
-            if cut.any() and values.std() > 0.0 and at.sum() > _PILED * (near & ~at).sum():
+            if cut.any() and len(np.unique(values)) > _LEVELS and at.sum() > _PILED * (near & ~at).sum():
                 rows.told(
                     f"effort is cut off at {limit:.4g}: the rows are left out", True, cut, rows.name("effort", joint)
                 )

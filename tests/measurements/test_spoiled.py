@@ -268,3 +268,12 @@ def test_units_signs_gears_and_offsets_of_a_map_are_used(truth: Measurement, tmp
     assert found.kind == "current"
     assert np.allclose(found.q, truth.q * [1.0, -1.0, 1.0] - [0.0, 0.0, 0.5], atol=1e-5)
     assert np.allclose(found.effort, 0.1 * truth.effort, atol=1e-5)
+
+
+def test_a_coarse_sensor_at_rest_is_not_one_at_its_limit(arm: Arm, truth: Measurement, tmp_path: Path) -> None:
+    rows = csv_of(truth)
+    for k, row in enumerate(rows[1:]):
+        row[9] = "0.04" if k % 50 else "0.0132"
+    found = read_measurement(write(tmp_path, rows), None, arm)
+    assert len(found) == len(truth)
+    assert not any("cut off" in odd.what for odd in found.oddities)
