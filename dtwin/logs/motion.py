@@ -145,6 +145,7 @@ def moving_rows(log: Log, late: int = 0) -> Moving:
         means = _filtered(commands, kernels[0])
         between = (means[1:] + means[:-1]) / 2.0
         inner = np.arange(FARTHEST, len(between) - FARTHEST)
+        inner = inner[_alive(angles)[1:][inner]]
         found.append((*(each[inner] for each in smooth), between[inner - late]))
     if not found:
         return Moving(*(np.empty((0, 3)) for _ in range(4)))
@@ -175,6 +176,12 @@ def _kernels() -> tuple[Array, Array, Array]:
 
 def _filtered(values: Array, kernel: Array) -> Array:
     return np.column_stack([np.correlate(column, kernel, "valid") for column in values.T])
+
+
+def _alive(angles: Array) -> NDArray[np.bool_]:
+    """Whether every encoder counts in a window: one that has stopped tells nothing of its joint, nor of the others."""
+    counted = np.lib.stride_tricks.sliding_window_view(np.diff(angles, axis=0) != 0.0, WINDOW - 1, axis=0)
+    return np.asarray(counted.any(axis=2).all(axis=1), np.bool_)
 
 
 def _noise(measured: Array) -> Array:

@@ -48,6 +48,11 @@ def test_a_faulty_arm_is_no_wrong_log(fault: str) -> None:
     assert said(made(faults=(fault,))) == ""
 
 
+def test_an_encoder_that_stops_is_no_other_unit_of_another_joint() -> None:
+    """Joint 2 would explain what joint 3 does, if its angles were turns."""
+    assert said(made("2114", 0.0005, ("freeze3@1",), 163)) == ""
+
+
 @pytest.mark.parametrize(
     ("machine", "seed", "seconds"), [("weak-motor", 1, 20), ("elastic", 4, 8), ("stribeck", 3, 30), ("delay", 4, 60)]
 )
