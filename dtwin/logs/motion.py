@@ -179,9 +179,9 @@ def _filtered(values: Array, kernel: Array) -> Array:
 
 
 def _alive(angles: Array) -> NDArray[np.bool_]:
-    """Whether every encoder counts in a window: one that has stopped tells nothing of its joint, nor of the others."""
+    """Whether every encoder counts in a window: one that has stopped tells nothing of its joint or the others."""
     counted = np.lib.stride_tricks.sliding_window_view(np.diff(angles, axis=0) != 0.0, WINDOW - 1, axis=0)
-    return np.asarray(counted.any(axis=2).all(axis=1), np.bool_)
+    return np.asarray(np.all(np.any(counted, axis=2), axis=1), dtype=np.bool_)
 
 
 def _noise(measured: Array) -> Array:
