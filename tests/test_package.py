@@ -44,7 +44,7 @@ def built_wheel(checkout: Path, folder: Path) -> Path:
     build = "import sys, setuptools.build_meta as b; print(getattr(b, f'build_{sys.argv[1]}')(sys.argv[2]))"
 
     def built(kind: str, where: Path) -> Path:
-        command = [sys.executable, "-c", build, kind, str(folder)]
+        command = [sys.executable, "-P", "-c", build, kind, str(folder)]
         done = subprocess.run(command, cwd=where, capture_output=True, text=True, timeout=120, check=True)
         return folder / done.stdout.split()[-1]
 
