@@ -106,6 +106,30 @@ def test_the_wheel_of_the_blocks_holds_all_of_them_and_needs_nothing_of_the_cell
     assert needed == {"lark", "lxml", "msgspec", "numpy", "pytest", "tyro", "ziglang"}
 
 
+def test_the_wheel_of_the_blocks_checks_and_tests_a_block_without_the_cell(
+    blocks_wheel: Path, tmp_path: Path
+) -> None:
+    site = tmp_path / "site"
+    with zipfile.ZipFile(blocks_wheel) as content:
+        content.extractall(site)
+    shutil.copy(ROOT / "fb" / "SAFE_STOP.fbt", tmp_path)
+    code = "import sys; from iec61499.cli import main; print(main(sys.argv[1:]), *sys.modules)"
+    for words, said in ((("check", "SAFE_STOP.fbt"), "problems: 0"), (("test", "SAFE_STOP.fbt"), "passed")):
+        done = subprocess.run(
+            [sys.executable, "-P", "-c", code, *words],
+            cwd=tmp_path,
+            env={**os.environ, "PYTHONPATH": str(site)},
+            capture_output=True,
+            text=True,
+            timeout=150,
+        )
+        *lines, last = done.stdout.splitlines()
+        status, *modules = last.split()
+        assert (status, done.stderr) == ("0", "")
+        assert said in "\n".join(lines)
+        assert not {"dtwin", "mujoco", "zenoh", "numba"} & set(modules)
+
+
 def test_the_citation_and_the_changes_name_the_version() -> None:
     citation = (ROOT / "CITATION.cff").read_text()
     assert f"version: {__version__}\n" in citation

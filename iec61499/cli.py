@@ -1,0 +1,48 @@
+"""The `fb` command: checks, tests, lays out and compares function blocks without a cell."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from importlib import metadata
+from typing import Any, Final
+
+import tyro
+
+from iec61499.commands.check import FbCheck
+from iec61499.commands.comparing import FbOutline
+from iec61499.commands.formatting import FbFormat
+from iec61499.commands.testing import FbTest
+from iec61499.errors import ToolError
+from iec61499.output import printable
+
+COMMANDS: Final[dict[str, Any]] = {
+    "check": FbCheck,
+    "test": FbTest,
+    "format": FbFormat,
+    "outline": FbOutline,
+}
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs one command line; returns the exit status (0 done, 1 a check failed, 2 bad input, 130 interrupted)."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    if words == ["--version"]:
+        print(f"fb {metadata.version('iec61499')}")
+        return 0
+    try:
+        command: Any = tyro.extras.subcommand_cli_from_dict(
+            COMMANDS, prog="fb", description="Check, test, lay out and print IEC 61499 function blocks.", args=words
+        )
+        status: int = command.execute()
+        return status
+    except ToolError as error:
+        print(f"fb: {printable(str(error))}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("fb: interrupted", file=sys.stderr)
+        return 130
+
+
+if __name__ == "__main__":
+    sys.exit(main())
