@@ -94,7 +94,9 @@ def examine() -> Iterator[Part]:
 def _libraries() -> Iterator[Part]:
     for requirement in _requirements():
         if requirement.marker is None:
-            yield _library(requirement, "needed", f"pip install {requirement.name}")
+            # What is developed beside this package is in the checkout, and in no index.
+            where = "./iec61499 in the checkout" if requirement.name == "iec61499" else requirement.name
+            yield _library(requirement, "needed", f"pip install {where}")
 
 
 def _extras() -> Iterator[Part]:
