@@ -67,7 +67,6 @@ class EventKind(StrEnum):
     FAILED = "failed"
     RECOVERED = "recovered"
     SPIKE = "spike"
-    BURST = "burst"
     MISFIT = "misfit"
     FITS = "fits"
     ACKNOWLEDGED = "acknowledged"
