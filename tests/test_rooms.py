@@ -53,6 +53,7 @@ SUBROOMS = [
     {f"{ALONE}.device"},
     {f"{ALONE}.testing"},
     {f"{ALONE}.commands"},
+    {f"{ALONE}.cli"},
 ]
 """Inside the function blocks, from the ground up."""
 OWNERS = {"mujoco": "dtwin.emulation", "zenoh": "dtwin.bus", "rerun": "dtwin.view", "rerun_loader_mjcf": "dtwin.view"}
