@@ -25,6 +25,8 @@ from dtwin.recovery.desk import (
 from dtwin.recovery.measures import Measures, Taken, TooWeak
 
 Outcome = Literal["done", "nothing to do", "taken back", "too weak", "too doubtful", "interrupted", "failed"]
+_BROKEN_OFF: Final = (CommunicationError, ParameterError, DeadlinePassed, CriticalFinding, StoppedByController)
+"""What keeps an answer from beginning."""
 IDLE: Final = "no answer is under way"
 STOP: Final = "stop"
 PASSES: Final = "go on"
@@ -188,13 +190,7 @@ class Answering:
                 self._preparing = False
                 try:
                     self._since = self._measures().begin()
-                except (
-                    CommunicationError,
-                    ParameterError,
-                    DeadlinePassed,
-                    CriticalFinding,
-                    StoppedByController,
-                ) as error:
+                except _BROKEN_OFF as error:
                     self._since = error
                 self._ready.set()
                 continue
@@ -202,13 +198,7 @@ class Answering:
                 if self.measures is None:
                     self._measures().begin()
                 self.answers.append(self.now(self._asked))
-            except (
-                CommunicationError,
-                ParameterError,
-                DeadlinePassed,
-                CriticalFinding,
-                StoppedByController,
-            ) as error:
+            except _BROKEN_OFF as error:
                 names = tuple(unit.parameter for unit in self._asked)
                 measure = answer_to(parse_fault_id(names[0])).measure
                 text = f"cannot begin: {error}"

@@ -19,6 +19,8 @@ from dtwin.errors import ModelError, choices
 
 _LARGEST: Final = 16_000_000
 """Largest size of a file that is read, bytes: descriptions of robots have some ten thousand."""
+_MOST: Final = 500
+"""Largest number of links; hands with all their fingers have some thirty."""
 _KINDS: Final[Mapping[str, JointKind]] = {
     "revolute": "revolute",
     "continuous": "revolute",
@@ -52,7 +54,7 @@ class _File:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        root = _root(path)
+        root = parse_urdf(path).getroot()
         self.robot = root.get("name") or path.stem
         self.links = {self.text(link, "name"): link for link in root.findall("link")}
         self.edges = [self._edge(joint) for joint in root.findall("joint")]
@@ -66,6 +68,14 @@ class _File:
                 )
             self.below.setdefault(edge.parent, []).append(edge)
             self.above[edge.child] = edge
+        if len(self.links) > _MOST:
+            raise ModelError(f"{path}: expected at most {_MOST} links, got {len(self.links)}")
+        for edge in self.edges:
+            link, passed = edge.child, 0
+            while link in self.above and passed <= len(self.edges):
+                link, passed = self.above[link].parent, passed + 1
+            if link in self.above:
+                raise self.error(edge.element, f"joint {edge.name}: expected a tree, got a closed loop")
 
     def error(self, element: etree._Element, message: str) -> ModelError:
         return ModelError(f"{self.path}:{element.sourceline}: {message}")
@@ -151,20 +161,26 @@ def read_urdf(path: Path, base: str | None = None, tip: str | None = None) -> Ar
     return Arm(file.robot, tuple(joints), tuple(links), remarks=tuple(remarks))
 
 
-def _root(path: Path) -> etree._Element:
+def parse_urdf(path: Path) -> Any:
+    """The elements of a URDF file, an lxml element tree.
+
+    Raises:
+        ModelError: the file cannot be read, is too large, or is no URDF.
+    """
     try:
         if path.stat().st_size > _LARGEST:
             raise ModelError(f"{path}: expected at most {_LARGEST} bytes, got {path.stat().st_size}")
-        parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, remove_comments=True)
-        root = etree.parse(path, parser).getroot()
+        parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False)
+        tree = etree.parse(path, parser)
     except OSError as error:
         raise ModelError(f"{path}: cannot be read: {error.strerror or 'no XML'}") from None
     except etree.XMLSyntaxError as error:
         raise ModelError(f"{path}:{error.lineno}: expected XML: {error.msg}") from None
+    root = tree.getroot()
     if root.tag != "robot":
         hint = "; this is a xacro, run xacro on it first" if path.suffix == ".xacro" else ""
         raise ModelError(f"{path}:{root.sourceline}: expected <robot>, got <{root.tag}>{hint}")
-    return root
+    return tree
 
 
 def _known(file: _File, link: str, what: str) -> str:
@@ -175,8 +191,8 @@ def _known(file: _File, link: str, what: str) -> str:
 
 def _tip(file: _File, start: str) -> str:
     """The link at the end of the only path with the most joints."""
-    ends = {link: sum(e.kind != "fixed" for e in _chain(file, start, link)) for link in _under(file, start)}
-    most = max(ends.values(), default=0)
+    ends = _moved_by(file, start)
+    most = max(ends.values())
     if not most:
         raise ModelError(f"{file.path}: expected a joint that moves below link {start}, got none")
     moved = {link for link, count in ends.items() if count == most}
@@ -188,10 +204,15 @@ def _tip(file: _File, start: str) -> str:
     return last[0]
 
 
-def _under(file: _File, link: str) -> Iterator[str]:
-    for edge in file.below.get(link, ()):
-        yield edge.child
-        yield from _under(file, edge.child)
+def _moved_by(file: _File, start: str) -> dict[str, int]:
+    """Number of joints that move each link below a link."""
+    found, waiting = {start: 0}, [start]
+    while waiting:
+        link = waiting.pop()
+        for edge in file.below.get(link, ()):
+            found[edge.child] = found[link] + (edge.kind != "fixed")
+            waiting.append(edge.child)
+    return found
 
 
 def _chain(file: _File, start: str, tip: str) -> Iterator[_Edge]:
@@ -199,7 +220,7 @@ def _chain(file: _File, start: str, tip: str) -> Iterator[_Edge]:
     edges: list[_Edge] = []
     link = tip
     while link != start:
-        if link not in file.above or len(edges) > len(file.edges):
+        if link not in file.above:
             raise ModelError(f"{file.path}: expected link {tip} below link {start}")
         edges.append(file.above[link])
         link = edges[-1].parent

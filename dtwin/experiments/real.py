@@ -82,7 +82,7 @@ class Benchmark(msgspec.Struct, frozen=True):
         tested: file by file.
         loads: loads that were found.
         groups: friction terms that proved themselves on the training files.
-        seconds: time that identification and least squares took.
+        fit_seconds: time that identification and least squares took.
     """
 
     source: str
@@ -90,7 +90,7 @@ class Benchmark(msgspec.Struct, frozen=True):
     tested: tuple[Tested, ...]
     loads: tuple[Load, ...]
     groups: tuple[str, ...]
-    seconds: tuple[float, float]
+    fit_seconds: tuple[float, float]
 
     @property
     def ratios(self) -> Array:
@@ -187,7 +187,7 @@ def real_report(result: Benchmark) -> Report:
     rows.append(["ratio, geometric mean", *(f"{ratio:.2f}" for ratio in result.ratios)])
     loads = [[each.file, f"{each.found:.3f}", f"+- {each.half:.3f}", _known(each.truth)] for each in result.loads]
     overall = float(np.exp(np.mean(np.log(result.ratios))))
-    ours, theirs = result.seconds
+    ours, theirs = result.fit_seconds
     friction = ", ".join(result.groups) or "basic alone"
     words = (
         f"{result.source or 'The logs have no source.'} Root mean square of the torque that is not explained, in "

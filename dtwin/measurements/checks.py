@@ -19,16 +19,12 @@ from dtwin.measurements.doors import Table
 from dtwin.measurements.measurement import Array, Effort, Measurement
 from dtwin.measurements.rows import Rows
 
-_GAP: Final = 5.0
-"""Steps without a row after which a new stretch begins."""
 _IMPOSSIBLE: Final = 1e4
 """No joint, speed or effort of a robot arm has such a number in SI units."""
 _NEIGHBOURS: Final = 21
 """Rows whose middle stamp a row is held against."""
 _OUT_OF_PLACE: Final = 10.0
 """Distance from it, in steps of all neighbours, that no gap explains for a few rows alone."""
-_FEW: Final = 0.02
-"""Share of rows beyond the joint's limits, or where stamps begin again, that is not a wrong unit or order."""
 _LOST: Final = 0.5
 """Share of rows that may be left out."""
 _TURN: Final = 2.0 * np.pi
@@ -135,7 +131,7 @@ def _time(rows: Rows) -> None:
     t, episode = rows.arrays["t"], rows.arrays["episode"]
     back = np.diff(t, prepend=t[:1]) < 0.0
     restart = back & (t < t[0] + 0.25 * (np.maximum.accumulate(t) - t[0]))
-    if 0.0 < restart.mean() < _FEW and not rows.map.episode:
+    if 0.0 < restart.mean() < repairs.FEW and not rows.map.episode:
         rows.told("stamps begin again: taken as new episodes", True, restart)
         rows.arrays["episode"] = episode = np.cumsum(restart).astype(float)
     kept = np.ones(len(t), dtype=bool)
@@ -176,7 +172,7 @@ def _finished(rows: Rows, arm: Arm | None) -> Measurement:
     steps = np.diff(t)
     new = np.diff(episode) != 0
     usual = float(np.median(steps[~new])) if (~new).any() else 0.0
-    gap = (steps > _GAP * usual) & ~new
+    gap = (steps > repairs.GAP * usual) & ~new
     if gap.any():
         rows.told(f"gaps of up to {steps[gap].max():.3g} s: each side counts by itself", True, np.append(gap, False))
     names = _short(rows.map.position.columns) if arm is None else tuple(joint.name for joint in arm.joints)

@@ -11,7 +11,7 @@ from dtwin.arm.chain import Arm
 from dtwin.measurements.measurement import Array
 from dtwin.measurements.rows import Rows
 
-_GAP: Final = 5.0
+GAP: Final = 5.0
 """Steps without a row after which a new stretch begins."""
 _BRIDGED: Final = 3
 """Missing values in a row that are drawn through."""
@@ -29,7 +29,7 @@ _LEVELS: Final = 50
 """Different values up to which an effort that stays the same is a coarse sensor at rest, not one at its limit."""
 _PILED: Final = 3.0
 """Times as many rows at the largest effort as near it, from which on it was cut off."""
-_FEW: Final = 0.02
+FEW: Final = 0.02
 """Share of rows beyond the joint's limits, or where stamps begin again, that is not a wrong unit or order."""
 _STILL: Final = 0.02
 """Usual speed below which velocities are not held against positions, rad/s or m/s."""
@@ -190,7 +190,7 @@ def velocities(rows: Rows) -> None:
     t = rows.arrays["t"]
     steps = np.diff(t)
     usual = float(np.median(steps))
-    inside = (steps < _GAP * usual) & (np.diff(rows.arrays["episode"]) == 0.0)
+    inside = (steps < GAP * usual) & (np.diff(rows.arrays["episode"]) == 0.0)
     doubtful: list[str] = []
     for joint in range(rows.arrays["position"].shape[1]):
         slope = np.diff(rows.arrays["position"][:, joint])[inside] / steps[inside]
@@ -219,7 +219,7 @@ def limits(rows: Rows, arm: Arm | None) -> None:
     bad = np.zeros(len(rows.row), dtype=bool)
     for joint, (limits, values) in enumerate(zip(arm.joints, rows.arrays["position"].T, strict=True)):
         beyond = np.maximum(values - limits.upper, limits.lower - values) > _LIMIT
-        if beyond.mean() > _FEW:
+        if beyond.mean() > FEW:
             row = int(np.argmax(beyond))
             expected = f"expected {limits.lower:.3g} to {limits.upper:.3g}, got {values[row]:.4g}"
             raise rows.refuse("position", joint, row, f"{expected}: is the unit right?")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from queue import Empty, SimpleQueue
@@ -31,12 +32,16 @@ class Proposals:
         desk: place at the bus of the cell.
         approved: proposals that are to be carried out.
         waiting: proposals that a person has to decide about, by their number.
+        taken: numbers of the proposals that were asked for, each of which is carried out once.
+        lock: held while that is decided, as several threads ask.
         again: plant time (s) at which findings whose proposal was refused are proposed again, by what they name.
     """
 
     desk: Desk
     approved: SimpleQueue[Proposal] = field(default_factory=SimpleQueue)
     waiting: dict[int, Proposal] = field(default_factory=dict)
+    taken: set[int] = field(default_factory=set)
+    lock: threading.Lock = field(default_factory=threading.Lock)
     again: dict[tuple[str, ...], float] = field(default_factory=dict)
 
     def propose(self, measure: Measure, found: Sequence[MonitoredUnit]) -> None:
@@ -69,6 +74,10 @@ class Proposals:
             raise ParameterError(
                 f"proposal {asked.number}: expected one that {asked.who} has approved and nobody did"
             )
+        with self.lock:
+            if found.number in self.taken:
+                raise ParameterError(f"proposal {found.number}: it is being carried out already")
+            self.taken.add(found.number)
         self.approved.put(found)
         return found
 

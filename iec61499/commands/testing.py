@@ -17,7 +17,7 @@ class FbTest:
 
     Types (.fbt, .fct) are tested by their <ServiceSequence> elements, Python tests are called test_*.py, and systems
     and boot files (.sys, .fboot) are tests when they have a block STEST_END. The exit status is 1 if one fails. It
-    needs the extra test.
+    needs pytest.
     """
 
     files: tyro.conf.Positional[tuple[Path, ...]] = (Path(),)
@@ -42,7 +42,7 @@ class FbTest:
         try:
             import pytest
         except ImportError:
-            raise ToolError("fb test needs the extra test: pip install 'iec61499[test]'") from None
+            raise ToolError("fb test needs pytest: pip install pytest") from None
 
         from iec61499.testing import plugin
 

@@ -1,5 +1,6 @@
 """Descriptions of robots: what is read of them, and what is refused by name, file and line."""
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -84,6 +85,23 @@ def test_what_is_wrong_is_named_with_its_line(tmp_path: Path, parts: list[str], 
     assert str(error.value).startswith(str(file))
     assert said in str(error.value)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("base", [None, "a", "b"])
+def test_a_closed_loop_is_refused_wherever_the_chain_shall_begin(tmp_path: Path, base: str | None) -> None:
+    file = robot(tmp_path, joint("one", "a", "b"), joint("two", "b", "a"), links="ab")
+    with pytest.raises(ModelError, match="joint one: expected a tree, got a closed loop"):
+        read_urdf(file, base=base)
+
+
+def test_a_chain_without_end_is_refused(tmp_path: Path) -> None:
+    links = [f"l{number}" for number in range(2000)]
+    file = tmp_path / "long.urdf"
+    parts = [f'<link name="{link}"/>' for link in links]
+    parts += [joint(f"j{k}", *ends, "fixed") for k, ends in enumerate(pairwise(links))]
+    file.write_text(f"<robot name='long'>{''.join(parts)}</robot>")
+    with pytest.raises(ModelError, match="expected at most 500 links, got 2000"):
+        read_urdf(file)
 
 
 def test_other_files_are_refused_as_what_they_are(tmp_path: Path) -> None:

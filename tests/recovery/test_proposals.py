@@ -128,6 +128,8 @@ def test_an_answer_is_asked_for_by_who_approved_it_once(cell: BookedCell) -> Non
         cell.approve(1)
         with pytest.raises(ParameterError, match="mallory has approved"):
             cell.proposals.request(AnswerRequest(1, "mallory"))
+        with pytest.raises(ParameterError, match="being carried out already"):
+            cell.proposals.request(AnswerRequest(1, "carol"))
 
     cell.at(30.0, forge)
 

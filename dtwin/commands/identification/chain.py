@@ -45,7 +45,9 @@ def samples_of(
             raise ParameterError(
                 f"--load {text!r}: expected FILE=KG or FILE={UNKNOWN}, FILE one of {', '.join(names)}"
             )
-        held[file] = Path(file).stem
+        # Files of one name in several folders are several loads.
+        alike = [name for name in names if Path(name).stem == Path(file).stem]
+        held[file] = Path(file).stem if len(alike) == 1 else file
         if mass != UNKNOWN:
             masses[held[file]] = _mass(text, mass)
     samples = [Sample(read_measurement(log, columns, arm), held.get(str(log), "")) for log in logs]

@@ -115,9 +115,10 @@ class Identification:
 
     def load(self, name: str) -> tuple[float, float]:
         """Mass of a load and its standard deviation, kg; drives that warm up from session to session are in it."""
-        place = self.moments.layout.load(name).start
-        mass = float(self.found.unknowns[place])
-        return mass, float(np.hypot(self.deviation(place), _SESSION * mass))
+        weights = np.zeros(self.moments.layout.size)
+        weights[self.moments.layout.load(name).start] = 1.0
+        mass, deviation = self.combined(weights)
+        return mass, float(np.hypot(deviation, _SESSION * mass))
 
     def predicted(self, measurement: Measurement, load: str = "") -> tuple[Array, Array]:
         """Effort of another measurement as measured and as predicted, both filtered, (N, n), N m (N)."""

@@ -7,10 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+import msgspec
 import numpy as np
 from lxml import etree
 
 from dtwin.arm.chain import INERTIAL, Array, Link
+from dtwin.arm.urdf import parse_urdf
 from dtwin.errors import ModelError
 from dtwin.files import replacing
 from dtwin.identification.chain.friction import sliding
@@ -125,9 +127,8 @@ def write_toml(found: Identification, path: Path) -> None:
 
 
 def _text(value: str | list[str]) -> str:
-    if isinstance(value, list):
-        return f"[{', '.join(map(_text, value))}]"
-    return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
+    """As TOML, whose basic strings and arrays of them are those of JSON."""
+    return msgspec.json.encode(value).decode()
 
 
 def write_urdf(found: Identification, template: Path, path: Path) -> None:
@@ -139,11 +140,7 @@ def write_urdf(found: Identification, template: Path, path: Path) -> None:
         ModelError: the template is no longer that of the arm.
         RecordingError: the path cannot be written.
     """
-    parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False)
-    try:
-        tree = etree.parse(template, parser)
-    except (OSError, etree.XMLSyntaxError) as error:
-        raise ModelError(f"{template}: expected a URDF: {error}") from None
+    tree = parse_urdf(template)
     elements = {link.get("name"): link for link in tree.getroot().findall("link")}
     below: dict[str, list[str]] = {}
     for joint in tree.getroot().findall("joint"):
