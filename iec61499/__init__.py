@@ -5,3 +5,5 @@ system, `runtime.resource.Resource` runs it, and `device.embedded.EmbeddedDevice
 Imports go from below to above: types, model, mapping and st; files; standard; library; runtime; net; management;
 deploy and inspection; device.
 """
+
+__version__ = "0.1.0"

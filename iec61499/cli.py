@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from importlib import metadata
 from typing import Any, Final
 
 import tyro
 
+from iec61499 import __version__
 from iec61499.commands.check import FbCheck
 from iec61499.commands.comparing import FbOutline
 from iec61499.commands.formatting import FbFormat
@@ -28,7 +28,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Runs one command line; returns the exit status (0 done, 1 a check failed, 2 bad input, 130 interrupted)."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     if words == ["--version"]:
-        print(f"fb {metadata.version('iec61499')}")
+        print(f"fb {__version__}")
         return 0
     try:
         command: Any = tyro.extras.subcommand_cli_from_dict(

@@ -60,6 +60,7 @@ def test_a_word_to_a_cell_waits_for_neither_parser_nor_cell(command: str) -> Non
         ("identification", set()),
         ("monitoring", {"numpy", "scipy", "numba"}),
         ("simulation", {"numpy", "scipy", "numba", "lark"}),
+        ("recovery", {"numpy", "scipy", "numba", "lark"}),
     ],
 )
 def test_services_load_what_they_need(name: str, needed: set[str]) -> None:

@@ -10,6 +10,7 @@ from tempfile import TemporaryDirectory
 
 import pytest
 
+import iec61499
 from dtwin import __version__
 from dtwin.logs.reading import read_log
 from dtwin.parameters import ROOT
@@ -104,6 +105,7 @@ def test_the_wheel_of_the_blocks_holds_all_of_them_and_needs_nothing_of_the_cell
     metadata = archive.read(next(name for name in archive.namelist() if name.endswith("/METADATA"))).decode()
     needed = {line.split()[1].partition(";")[0] for line in metadata.splitlines() if line.startswith("Requires-Dist")}
     assert needed == {"lark", "lxml", "msgspec", "numpy", "pytest", "tyro", "ziglang"}
+    assert f"\nVersion: {iec61499.__version__}\n" in metadata
 
 
 def test_the_wheel_of_the_blocks_checks_and_tests_a_block_without_the_cell(

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from importlib import metadata
 from pathlib import Path
 from typing import Literal
 
 import tyro
 
+from iec61499 import __version__
 from iec61499.lint.check import check, files_of
 from iec61499.lint.findings import LEVELS, RULES, Level
 from iec61499.lint.reports import as_json, as_line, as_sarif
@@ -56,7 +56,7 @@ class FbCheck:
         if self.format == "json":
             print(as_json(told, settings))
         elif self.format == "sarif":
-            print(as_sarif(told, settings, metadata.version("iec61499")))
+            print(as_sarif(told, settings, __version__))
         else:
             for finding in told:
                 print(printable(as_line(finding)))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from dtwin.bus.messages import LOOK, SETTINGS, STOP, SettingsInForce, StopState
@@ -59,9 +57,3 @@ def test_recovery_acts_and_stops_what_it_cannot_answer(desk: Desk) -> None:
 def test_recovery_needs_what_it_works_by(desk: Desk) -> None:
     said = desk.up("--recovery", "act", "--monitoring", status=2)
     assert "--recovery: expected --monitoring, --identification and --simulation too" in said
-
-
-def test_the_service_loads_no_physics_of_the_emulation(tmp_path: Path) -> None:
-    from tests.test_imports import loaded
-
-    assert "mujoco" not in loaded("dtwin.services.recovery")
