@@ -32,7 +32,15 @@ class NativeError(ToolError):
 
 
 class CommunicationError(ToolError):
-    """A peer is unreachable, late, or speaks another protocol."""
+    """A peer is unreachable, late, or speaks another protocol.
+
+    Attributes:
+        status: what a communication block says in STATUS; "" for what it says otherwise.
+    """
+
+    def __init__(self, message: str, status: str = "") -> None:
+        super().__init__(message)
+        self.status = status
 
 
 def choices(names: Iterable[str]) -> str:

@@ -16,7 +16,7 @@ from iec61499.files.systems import read_system
 from iec61499.library import Library
 from iec61499.management.bootfile import load_boot_file
 from iec61499.mapping import resource_network, wrong_mappings
-from iec61499.net.address import parse_block_id
+from iec61499.net.protocols import check_id
 from iec61499.opening import opened
 from iec61499.runtime.checker import BlockChecker
 from iec61499.runtime.compile import has_no_service
@@ -27,6 +27,7 @@ from iec61499.runtime.linking.netlist import Finder, Netlist, Node
 from iec61499.standard.services import COMMUNICATION
 
 _ABSENT: Final = "it cannot run, or answers with QO = FALSE"
+_NETWORKED: Final = {"PUBL": "PUBLISH", "SUBL": "SUBSCRIBE"}
 MAXIMUM_PROBLEMS: Final = 100
 """Most mistakes of one network that are looked for."""
 SUFFIXES: Final = (".fbt", ".fct", ".sub", ".sys", ".fboot")
@@ -151,8 +152,10 @@ def _protocol_problem(node: Node, connected: set[str]) -> str | None:
     text = parameter.value.strip().strip("'\"")
     if text.startswith("loc[") or (kind[4] in ("PUBL", "SUBL") and "[" not in text):
         return None
+    inputs = sum(variable.name.startswith("SD_") for variable in node.interface.inputs)
+    outputs = sum(variable.name.startswith("RD_") for variable in node.interface.outputs)
     try:
-        parse_block_id(text)
+        check_id(text, kind[1] or _NETWORKED.get(kind[4], kind[4]), inputs, outputs)
     except CommunicationError as error:
         return f"ID {text}: {error}"
     return None

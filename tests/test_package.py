@@ -104,7 +104,7 @@ def test_the_wheel_of_the_blocks_holds_all_of_them_and_needs_nothing_of_the_cell
     assert names == own - {"iec61499/pyproject.toml", "iec61499/README.md"}
     metadata = archive.read(next(name for name in archive.namelist() if name.endswith("/METADATA"))).decode()
     needed = {line.split()[1].partition(";")[0] for line in metadata.splitlines() if line.startswith("Requires-Dist")}
-    assert needed == {"lark", "lxml", "msgspec", "numpy", "pytest", "tyro", "ziglang"}
+    assert needed == {"asyncua", "lark", "lxml", "msgspec", "numpy", "paho-mqtt", "pytest", "tyro", "ziglang"}
     assert f"\nVersion: {iec61499.__version__}\n" in metadata
 
 

@@ -23,7 +23,10 @@ from iec61499.management.protocol import (
 )
 from iec61499.mapping import device_network
 from iec61499.net.address import StreamAddress
+from iec61499.net.protocols import Protocols
 from iec61499.net.reactor import Reactor
+from iec61499.net.settings import Connections
+from iec61499.net.transport import Surroundings
 from iec61499.runtime.checks import END, Checks, EndOfTest
 from iec61499.runtime.communication import LocalTransport
 
@@ -36,12 +39,16 @@ class EmbeddedDevice:
     What takes long in a request, such as compiling a type, is done in a thread while the resources go on; the request
     is carried out afterwards, between events.
 
+    Attributes:
+        protocols: what its blocks share to reach others by more than sockets.
+
     Args:
         reactor: the event loop that serves all sockets and timers.
         library: the block types that the device has.
         management: address at which the device is managed. Multicast uses its network interface; SERVER blocks listen
             in its folder, if it is a Unix domain socket.
         test_over: called when a test has ended: by an STEST_END, or in an error of a resource of a program with one.
+        connections: where its own OPC UA server listens, and how to log in to other servers.
     """
 
     def __init__(
@@ -50,14 +57,15 @@ class EmbeddedDevice:
         library: Library,
         management: StreamAddress,
         test_over: Callable[[], None] = lambda: None,
+        connections: Connections | None = None,
     ) -> None:
         self._test_over = test_over
         self._checks = Checks()
         self._failed = False
         self._reactor = reactor
         self._library = library
-        self._management = management
-        self._local = LocalTransport()
+        self.protocols = Protocols(connections)
+        self._surroundings = Surroundings(LocalTransport(), self.protocols, management)
         self._resources: dict[str, ManagedResource] = {}
         self._preparation = Preparation(library)
         self._worker = Worker(reactor)
@@ -188,6 +196,7 @@ class EmbeddedDevice:
         self._worker.close()
         for resource in self._resources.values():
             resource.close()
+        self.protocols.close()
 
     def _execute_here(self, request: Request) -> Response:
         action, subject = request.action, request.subject
@@ -242,5 +251,5 @@ class EmbeddedDevice:
             if test or self._is_test():
                 self._test_over()
 
-        where = self._library, self._local, self._management
+        where = self._library, self._surroundings
         return Runner(network.file, self._reactor, network, *where, ended, self._checks)

@@ -20,9 +20,8 @@ from iec61499.errors import FunctionBlockError
 from iec61499.library import Library
 from iec61499.net.address import StreamAddress
 from iec61499.net.reactor import Reactor, Timer
-from iec61499.net.transport import NetworkTransport
+from iec61499.net.transport import NetworkTransport, Surroundings
 from iec61499.runtime.checks import Checks, EndOfTest
-from iec61499.runtime.communication import LocalTransport
 from iec61499.runtime.resource import Resource
 from iec61499.st.semantics import COMPUTING_TIME
 from iec61499.types import DataType
@@ -53,8 +52,7 @@ class Runner:
         reactor: the event loop that serves its sockets and timers.
         network: what runs.
         library: finds the block types that the network uses.
-        local: connects blocks in process, also with those of other resources.
-        management: address of the device's management.
+        surroundings: what the device's resources share to reach others.
         ended: called when an error, or the end of a test, has ended it.
         checks: where the checks of the program are counted.
 
@@ -68,8 +66,7 @@ class Runner:
         reactor: Reactor,
         network: model.FBNetwork,
         library: Library,
-        local: LocalTransport,
-        management: StreamAddress,
+        surroundings: Surroundings,
         ended: Callable[[Exception], None],
         checks: Checks,
     ) -> None:
@@ -86,7 +83,7 @@ class Runner:
         self._change: Callable[[Resource], None] | None = None
         self._timer: Timer | None = None
         self._due: int | None = None
-        self._transport = NetworkTransport(reactor, local, self.perform, self.receive, management)
+        self._transport = NetworkTransport(reactor, surroundings, self.perform, self.receive)
         iterations = chain.from_iterable(self._rounds())
         self._resource = Resource(network, library, self._transport, lambda: iterations)
         self._resource.checks = checks

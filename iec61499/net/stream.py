@@ -18,7 +18,7 @@ from iec61499.net.address import StreamAddress
 from iec61499.net.encoding import Value
 from iec61499.net.reactor import READ, WRITE, Reactor
 from iec61499.net.sockets import BACKLOG, ListeningSocket, tune
-from iec61499.net.wire import Message, MessageReader, Signature
+from iec61499.net.wire import Message, Reader, Signature
 
 log = logging.getLogger(__name__)
 
@@ -207,7 +207,7 @@ class StreamServer:
         self._sends = sends
         self._indicate = indicate
         self._client: StreamConnection | None = None
-        self._readers: dict[StreamConnection, MessageReader] = {}
+        self._readers: dict[StreamConnection, Reader] = {}
         self._listener = StreamListener(reactor, address, self._accepted)
         self.address = self._listener.address
 
@@ -239,7 +239,7 @@ class StreamServer:
         if len(self._readers) >= CANDIDATES:
             next(iter(self._readers)).drop("silent, and too many wait")
         connection = StreamConnection(self._reactor, sock, peer, self._received, self._closed)
-        self._readers[connection] = MessageReader(self._receives)
+        self._readers[connection] = self._receives.reader()
 
     def _received(self, connection: StreamConnection, data: bytes) -> None:
         try:

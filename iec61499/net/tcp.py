@@ -11,7 +11,7 @@ from iec61499.net.address import Address
 from iec61499.net.encoding import Value
 from iec61499.net.reactor import WRITE, Reactor, Timer
 from iec61499.net.stream import StreamConnection
-from iec61499.net.wire import Message, MessageReader, Signature
+from iec61499.net.wire import Message, Signature
 
 
 class TcpClient:
@@ -39,7 +39,7 @@ class TcpClient:
         self._reactor = reactor
         self._address = address
         self._sends = sends
-        self._reader = MessageReader(receives)
+        self._reader = receives.reader()
         self._opened = opened
         self._confirm = confirm
         self._lost = lost

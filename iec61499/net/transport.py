@@ -1,19 +1,23 @@
 """Carries the values of communication blocks over streams and UDP, and those of local blocks in process.
 
-IDs are `HOST:PORT` or `fbdk[].ip[HOST:PORT]`; a server binds the host its ID names, so `localhost:61500` stays on
-this machine. In a device whose management listens on a Unix domain socket, a server listens on one, too: in the same
-folder, under the port number of its ID. PUBL_n, SUBL_n and IDs such as `loc[NAME]` meet in process.
+IDs are `HOST:PORT` or `fbdk[].ip[HOST:PORT]`, or `raw[].ip[HOST:PORT]` for texts; a server binds the host its ID
+names, so `localhost:61500` stays on this machine. In a device whose management listens on a Unix domain socket, a
+server listens on one, too: in the same folder, under the port number of its ID. PUBL_n, SUBL_n and IDs such as
+`loc[NAME]` meet in process. `opc_ua[...]` and `...mqtt[...]` go by what the device's blocks share, `protocols`.
 """
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final
 
 from iec61499.errors import CommunicationError
-from iec61499.net.address import LOOPBACK, Address, StreamAddress, parse_block_id
+from iec61499.net.address import LOOPBACK, Address, StreamAddress, parse_numeric_address
+from iec61499.net.inlet import Inlet, Perform
+from iec61499.net.layers import parse_layers
+from iec61499.net.protocols import Protocols, needs_library, signatures
 from iec61499.net.reactor import Reactor, Timer
 from iec61499.net.stream import StreamServer
 from iec61499.net.tcp import TcpClient
@@ -26,7 +30,20 @@ log = logging.getLogger(__name__)
 RETRY: Final = 1.0
 """Time after which a client asks again for a server that does not listen, s."""
 
-Perform = Callable[[Callable[[], None]], None]
+
+@dataclass(frozen=True, slots=True)
+class Surroundings:
+    """What the resources of one device share to reach others.
+
+    Attributes:
+        local: connects blocks in process.
+        protocols: what reaches others by more than sockets.
+        management: address of the device's management.
+    """
+
+    local: LocalTransport
+    protocols: Protocols
+    management: StreamAddress
 
 
 class NetworkTransport:
@@ -34,10 +51,9 @@ class NetworkTransport:
 
     Args:
         reactor: the event loop that serves the sockets.
-        local: the transport that connects ports in process.
+        surroundings: what the device's resources share; multicast uses the network interface of its management.
         perform: does something to the resource and lets it run.
         receive: the same, for what a block of the same device sends.
-        management: address of the device's management, whose network interface multicast uses.
 
     Attributes:
         addresses: where the open SERVER and SUBSCRIBE blocks listen, by the block's dotted name.
@@ -46,17 +62,17 @@ class NetworkTransport:
     def __init__(
         self,
         reactor: Reactor,
-        local: LocalTransport,
+        surroundings: Surroundings,
         perform: Perform,
         receive: Perform,
-        management: StreamAddress,
     ) -> None:
         self.addresses: dict[str, StreamAddress] = {}
         self._reactor = reactor
-        self._local = local
+        self._local = surroundings.local
+        self._protocols = surroundings.protocols
         self._perform = perform
         self._receive = receive
-        self._management = management
+        self._management = management = surroundings.management
         self._interface = management.host if isinstance(management, Address) else LOOPBACK
 
     def open(self, port: CommunicationPort) -> Channel:
@@ -78,8 +94,12 @@ class NetworkTransport:
         return self._local.open(port, receive)
 
     def _open(self, port: CommunicationPort) -> Channel:
-        address = parse_block_id(port.id)
-        sends, receives = Signature(port.sends), Signature(port.receives)
+        layers = parse_layers(port.id)
+        if needs_library(layers):
+            return self._protocols.open(Inlet(self._reactor, port, self._perform), layers)
+        sends, receives = signatures(layers, port.kind, port.sends, port.receives)
+        # Names are not looked up, as in 4diac FORTE: that would stop the event loop.
+        address = parse_numeric_address(layers[-1].parameters)
         perform = self._perform
         if port.kind == "CLIENT":
             return _ClientChannel(self._reactor, address, receives, sends, port, self._perform)
@@ -112,6 +132,7 @@ class _ReadyChannel:
     """A channel that is usable as soon as it is open."""
 
     is_ready = True
+    confirms = False
 
     def __init__(
         self,
@@ -136,6 +157,7 @@ class _ClientChannel:
     """A client's channel: usable once connected. While its server does not listen it asks again every `RETRY`."""
 
     is_ready = False
+    confirms = False
 
     def __init__(
         self,

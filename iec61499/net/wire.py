@@ -1,7 +1,7 @@
 """Messages of IEC 61499 communication blocks: the values of a signature one after another, without framing.
 
 A message is complete when its last value has arrived; one without values is the single byte NULL. How a value is
-encoded is in `encoding`.
+encoded is in `encoding`. The layer `raw[]` sends one STRING as it is, without tag and length, as 4diac FORTE does.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import itertools
 import struct
 from collections.abc import Sequence
-from typing import Final, NoReturn
+from typing import Final, NoReturn, Protocol
 
 from iec61499.errors import CommunicationError
 from iec61499.net.encoding import (
@@ -24,7 +24,7 @@ from iec61499.net.encoding import (
     codec,
     decode_null,
 )
-from iec61499.types import ArrayType, DataType, StructType
+from iec61499.types import ArrayType, DataType, ElementaryType, StructType
 
 Message = tuple[Value, ...]
 _MOST_BOOLS: Final = 6
@@ -83,6 +83,13 @@ def has_fixed_layout(types: Sequence[DataType]) -> bool:
     return fixed and len(names) > 0 and names.count("BOOL") <= _MOST_BOOLS
 
 
+class Reader(Protocol):
+    """Puts messages of a stream together."""
+
+    def feed(self, data: bytes) -> list[Message]:
+        """The messages that `data` completes, oldest first. Raises CommunicationError."""
+
+
 class Signature:
     """The value types of a message, compiled once; encoding and decoding seven values takes 1 to 2 us each.
 
@@ -134,6 +141,10 @@ class Signature:
         if at != len(data):
             raise CommunicationError(f"{len(data) - at} bytes follow the message's end at byte {at}")
         return tuple(values) if self.types else ()
+
+    def reader(self) -> Reader:
+        """What puts messages of a stream together."""
+        return MessageReader(self)
 
     def _report_unfit(self, values: Sequence[Value]) -> NoReturn:
         for number, (encode, value) in enumerate(zip(self._encoders, values, strict=True), 1):
@@ -201,3 +212,54 @@ class MessageReader:
         self._consumed += at - start
         self._pending = bytearray(stream[at:])
         return messages
+
+
+class RawSignature(Signature):
+    """The type of a message that is one text.
+
+    Args:
+        types: a STRING; none for a message that a block only sends, or only receives.
+
+    Raises:
+        CommunicationError: they are other ones.
+    """
+
+    def __init__(self, types: Sequence[DataType]) -> None:
+        if len(types) > 1 or any(not isinstance(kind, ElementaryType) or kind.name != "STRING" for kind in types):
+            given = ", ".join(map(str, types))
+            raise CommunicationError(f"raw[] carries one STRING, not {given}", "TERMINATED")
+        super().__init__(types)
+
+    def encode(self, values: Sequence[Value]) -> bytes:
+        """The text's bytes. Raises CommunicationError when it is none."""
+        if not self.types:
+            return b""
+        try:
+            (text,) = values
+            data: bytes = text.encode("latin-1")
+        except (AttributeError, UnicodeError, ValueError):
+            raise CommunicationError(f"{values!r:.60} is no STRING") from None
+        return data
+
+    def decode(self, data: bytes) -> Message:
+        """The text of all bytes. Raises CommunicationError when it is too long."""
+        if not self.types:
+            return ()
+        if len(data) > STRING_LIMIT:
+            raise CommunicationError(f"text of {len(data)} bytes: expected at most {STRING_LIMIT}")
+        return (data.decode("latin-1"),)
+
+    def reader(self) -> Reader:
+        """What puts messages of a stream together: what comes at once is one."""
+        return RawReader(self)
+
+
+class RawReader:
+    """Takes every part of a stream, as it comes, for a message: there is no sign of where one ends."""
+
+    def __init__(self, signature: RawSignature) -> None:
+        self._signature = signature
+
+    def feed(self, data: bytes) -> list[Message]:
+        """The message that the data are."""
+        return [self._signature.decode(data)]

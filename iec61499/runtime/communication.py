@@ -28,9 +28,11 @@ class Channel(Protocol):
 
     Attributes:
         is_ready: whether the channel is usable at once; if not, the transport calls `confirm_open` of the port later.
+        confirms: whether the transport says when a PUBLISH has done what it sends; if not, it has done so at once.
     """
 
     is_ready: bool
+    confirms: bool
 
     def send(self, values: tuple[Any, ...]) -> None:
         """Sends the values. Raises CommunicationError when that is impossible."""
@@ -124,10 +126,10 @@ class CommunicationPort:
             self._instance.send__ = self._channel.send
             self._report("OK", "to__INITO")
 
-    def refuse_open(self) -> None:
+    def refuse_open(self, status: str = "INVALID_ID") -> None:
         """The channel is not usable yet: INITO with QO = FALSE, as for an invalid ID; nothing if it is closed."""
         if self._channel is not None:
-            self._report("INVALID_ID", "to__INITO")
+            self._report(status, "to__INITO")
 
     def terminate(self) -> None:
         """The channel has ended by itself: the block says so, except a server, which goes on listening."""
@@ -161,15 +163,20 @@ class CommunicationPort:
             if not self.id:
                 raise CommunicationError(f"{self.name}: ID is empty")
             self._channel = instance.resource__.transport.open(self)
-        except CommunicationError:
-            self._report("INVALID_ID", "to__INITO")
+        except CommunicationError as error:
+            self._report(error.status or "INVALID_ID", "to__INITO")
             return
         if self._channel.is_ready:
             self.confirm_open()
 
     def confirm_sent(self) -> None:
-        """A publisher's values are on their way: CNF with QO = TRUE."""
+        """What a block was asked for is done, or a publisher's values are on their way: CNF with QO = TRUE."""
         self._report("OK", self._answer)
+
+    @property
+    def confirms_at_once(self) -> bool:
+        """Whether a publisher's values are on their way as soon as the channel has taken them."""
+        return self._channel is None or not self._channel.confirms
 
     def refuse(self, status: str) -> None:
         """A request was not carried out: the answering event comes with QO = FALSE."""
@@ -254,14 +261,15 @@ def _sender(count: int, kind: str) -> Callable[[Any], None]:
     """The handler of REQ or RSP; a publisher confirms what it has sent, a subscriber has nothing to send."""
     values = "".join(f"s.SD_{i}, " for i in range(1, count + 1))
     sending = [] if kind in ("SUBSCRIBE", "SUBL") else [f"            s.send__(({values}))"]
-    confirming = ["            s.port__.confirm_sent()"] if kind in ("PUBLISH", "PUBL") else []
+    confirming = ["            if s.port__.confirms_at_once:", "                s.port__.confirm_sent()"]
+    confirming = confirming if kind in ("PUBLISH", "PUBL") else []
     lines = [
         "def send(s):",
         "    if s.QI and s.send__ is not None:",
         "        try:",
         *(sending + confirming or ["            pass"]),
-        "        except CommunicationError:",
-        "            s.port__.refuse('SEND_FAILED')",
+        "        except CommunicationError as error:",
+        "            s.port__.refuse(error.status or 'SEND_FAILED')",
         "    else:",
         "        s.port__.refuse('NO_SOCKET' if s.QI else 'INHIBITED')",
     ]
@@ -354,6 +362,7 @@ class LocalChannel:
     """One port's channel to its peers in process."""
 
     is_ready = True
+    confirms = False
 
     def __init__(self, transport: LocalTransport, port: CommunicationPort) -> None:
         self._transport = transport

@@ -142,6 +142,8 @@ HELD: Final = {
     ("README.md", "text"): "test_the_output_that_the_readme_shows_is_what_is_printed",
     ("docs/clients.md", "python"): "tests/services/test_clients.py",
     ("docs/clients.md", "c"): "tests/services/test_clients.py",
+    ("docs/connections.md", "text"): "tests/iec61499/net/test_identifiers.py",
+    ("docs/connections.md", "toml"): "tests/iec61499/net/test_identifiers.py",
     ("docs/contact.md", "toml"): "test_files_of_the_pages_are_read",
     ("docs/block-tools.md", "python"): "tests/iec61499/testing/test_pages.py",
     ("docs/block-tools.md", "toml"): "tests/iec61499/testing/test_pages.py",

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
+import msgspec
 import tyro
 
 from dtwin.commands.blocks.library import print_changes
@@ -33,8 +34,14 @@ from iec61499.management.client import ManagementClient
 from iec61499.management.protocol import ManagementError
 from iec61499.management.server import ManagementServer
 from iec61499.mapping import management_address
-from iec61499.net.address import StreamAddress, parse_listening_address, parse_stream_address
+from iec61499.net.address import (
+    StreamAddress,
+    parse_listening_address,
+    parse_numeric_address,
+    parse_stream_address,
+)
 from iec61499.net.reactor import Reactor
+from iec61499.net.settings import Connections, read_connections
 
 
 @dataclass(frozen=True)
@@ -58,6 +65,10 @@ class FbRun:
 
     With unix:FOLDER/PORT management and SERVER blocks listen on Unix domain sockets in a folder for you alone.
     """
+    opcua: str = ""
+    """HOST:PORT of the own OPC UA server, which blocks with the ID opc_ua[...] begin; 127.0.0.1:4840 without it."""
+    connections: Path | None = None
+    """File (TOML) with certificates, names and passwords for OPC UA and MQTT (docs/connections.md)."""
     blocks: Path | None = None
     """Folder of the block types; without it the folder of FILE, and without FILE the project's own library."""
     sequence: SequenceName | None = None
@@ -88,7 +99,7 @@ class FbRun:
                     over.set()
                     reactor.stop()
 
-            device = EmbeddedDevice(reactor, library, address, test_over)
+            device = EmbeddedDevice(reactor, library, address, test_over, self._reached())
             try:
                 self._load(device, system)
                 if not over.is_set():
@@ -96,6 +107,14 @@ class FbRun:
                 return int(device.has_failed)
             finally:
                 device.close()
+
+    def _reached(self) -> Connections:
+        """What --opcua and --connections say. Raises ToolError."""
+        found = read_connections(self.connections) if self.connections is not None else Connections()
+        if not self.opcua:
+            return found
+        listening = parse_numeric_address(self.opcua)
+        return msgspec.structs.replace(found, opcua=msgspec.structs.replace(found.opcua, listen=str(listening)))
 
     def _system(self, library: Library) -> model.System | None:
         """The system of FILE, which has the device of --device; None for no file or a boot file."""
@@ -143,6 +162,8 @@ class FbRun:
         command += ["--blocks", str(self.blocks)] if self.blocks else []
         command += ["--sequence", self.sequence] if self.sequence else []
         command += ["--cell-file", self.cell_file] if self.cell_file else []
+        command += ["--opcua", self.opcua] if self.opcua else []
+        command += ["--connections", str(self.connections)] if self.connections else []
         command += ["--acknowledged"] if self.acknowledged else []
         stop = threading.Event()
         with _signals_to(stop.set), _Processes() as processes:

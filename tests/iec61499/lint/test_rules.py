@@ -121,3 +121,32 @@ def test_mistakes_are_told_beside_what_the_rules_find(tmp_path: Path) -> None:
 
 def test_every_rule_has_a_sentence() -> None:
     assert all(rule.text.endswith(".") and rule.name == name for name, rule in RULES.items())
+
+
+SENDER = """<FBType Name="T"><InterfaceList/><FBNetwork><FB Name="P" Type="PUBLISH_0">
+<Parameter Name="ID" Value="&quot;{}&quot;"/></FB></FBNetwork></FBType>"""
+
+
+@pytest.mark.parametrize(
+    ("identifier", "package", "extra"),
+    [
+        ("opc_ua[CREATE_OBJECT;,0:i=58;/Objects/1:Press]", "asyncua", "opcua"),
+        ("fbdk[].mqtt[tcp://127.0.0.1:1883, press, plant]", "paho", "mqtt"),
+    ],
+)
+def test_a_protocol_can_run_when_its_library_is_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, identifier: str, package: str, extra: str
+) -> None:
+    pytest.importorskip(package, reason=f"the extra {extra} is not installed")
+    text = SENDER.format(identifier)
+    assert "no-such-protocol" not in found_in(tmp_path, text)
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    file = tmp_path / "T.fbt"
+    (told,) = [each for each in check([file], tmp_path, "embedded", Settings()) if each.rule == "no-such-protocol"]
+    assert f"needs the package {package}: pip install 'iec61499[{extra}]'" in told.message
+
+
+def test_an_identifier_of_another_form_cannot_run(tmp_path: Path) -> None:
+    for identifier in ("opc_ua[/Objects/1:Press]", "fbdk[].http[x]", "press:61500", "fbdk[].ip[1:"):
+        assert "no-such-protocol" in found_in(tmp_path, SENDER.format(identifier))
+    assert "no-such-protocol" not in found_in(tmp_path, SENDER.format("raw[].ip[127.0.0.1:1]"))

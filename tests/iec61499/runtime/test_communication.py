@@ -209,6 +209,7 @@ class SlowTransport:
     """A transport whose channels become usable when told, and fail when told."""
 
     is_ready = False
+    confirms = False
 
     def __init__(self) -> None:
         self.sent: list[tuple[Any, ...]] = []

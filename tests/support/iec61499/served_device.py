@@ -14,6 +14,7 @@ from iec61499.management.server import ManagementServer
 from iec61499.net.address import LOOPBACK, Address, StreamAddress
 from iec61499.net.client import BlockingClient
 from iec61499.net.reactor import Reactor
+from iec61499.net.settings import Connections
 from iec61499.net.wire import Signature
 from iec61499.types import LREAL
 from tests.support.ports import free_port
@@ -27,10 +28,10 @@ NUMBER = Signature([LREAL])
 class ServedDevice:
     """A device with its management, run by a thread of its own."""
 
-    def __init__(self, library: Library, management: StreamAddress) -> None:
+    def __init__(self, library: Library, management: StreamAddress, connections: Connections | None = None) -> None:
         self.reactor = Reactor()
         self.library = library
-        self.device = EmbeddedDevice(self.reactor, library, management)
+        self.device = EmbeddedDevice(self.reactor, library, management, connections=connections)
         self.management = ManagementServer(self.reactor, management, self.device.handle)
         self._thread = threading.Thread(target=self.reactor.run)
 
