@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import warnings
 from typing import Final
 
 from iec61499.errors import CommunicationError
@@ -28,6 +29,8 @@ class OpcUa:
     def __init__(self, settings: Connections) -> None:
         # what peers cause is told in one line where it is noticed; the library would show a traceback for each
         logging.getLogger("asyncua").setLevel(logging.CRITICAL + 1)
+        # it forgets to tell subscribers of a node that the node has gone
+        warnings.filterwarnings("ignore", r"coroutine '[\w.]*datachange_callback' was never awaited", RuntimeWarning)
         self._settings = settings
         self._thread = LoopThread()
         self._server = NodeServer(settings.opcua)

@@ -277,5 +277,5 @@ async def _node(client: Client, place: Place) -> Node:
 
 async def _parent(client: Client, place: Place) -> Node:
     """The node above a method, which is called with it."""
-    above = place.path[:-1]
-    return await client.nodes.root.get_child([ua.QualifiedName(name, number) for number, name in above])
+    above = [ua.QualifiedName(name, number) for number, name in place.path[:-1]]
+    return await client.nodes.root.get_child(above) if above else client.nodes.root

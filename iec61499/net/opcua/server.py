@@ -149,11 +149,12 @@ class NodeServer:
                 if data_type is None:
                     return await parent.add_object(*names, objecttype=wanted.nodeid)
                 values, _ = await self._found(server, data_type)
-                if values is None or values.nodeid.NamespaceIndex or wanted.nodeid != ua.NodeId(_PLAIN_VARIABLE):
-                    raise CommunicationError(f"{kind} of {data_type}: expected a plain variable of a type of OPC UA")
+                if values is None or values.nodeid.NamespaceIndex or wanted.nodeid not in _VARIABLES:
+                    raise CommunicationError(f"{kind} of {data_type}: expected 0:i=63 or 0:i=68 of a type of OPC UA")
                 variant = ua.VariantType(values.nodeid.Identifier)
                 first = ua.Variant(ua.get_default_value(variant), variant)
-                node = await parent.add_variable(*names, first, datatype=values.nodeid)
+                add = parent.add_variable if wanted.nodeid == _VARIABLES[0] else parent.add_property
+                node = await add(*names, first, datatype=values.nodeid)
                 await node.set_writable(True)
                 return node
 
@@ -305,8 +306,8 @@ class NodeServer:
         return node, way
 
 
-_PLAIN_VARIABLE: Final = 63
-"""BaseDataVariableType"""
+_VARIABLES: Final = (ua.NodeId(ua.ObjectIds.BaseDataVariableType), ua.NodeId(ua.ObjectIds.PropertyType))
+"""Types of variables that can be made."""
 _CLOSED: Final = "cannot listen for OPC UA at {}"
 
 

@@ -124,7 +124,7 @@ def test_what_cannot_be_is_terminated_as_on_forte(
 def test_nodes_of_other_types_are_made_and_deleted(device: ServedDevice, management: ManagementClient) -> None:
     steps = """
     OBJECT PUBLISH_0 QI=1 ID="opc_ua[CREATE_OBJECT;,0:i=58;/Objects/Made/1:Object]"
-    VARIABLE PUBLISH_0 QI=1 ID="opc_ua[CREATE_VARIABLE;,0:i=63;,0:i=11;/Objects/Made/1:Number]"
+    VARIABLE PUBLISH_0 QI=1 ID="opc_ua[CREATE_VARIABLE;KIND;,0:i=11;/Objects/Made/1:Number]"
     AGAIN PUBLISH_0 QI=1 ID="opc_ua[CREATE_OBJECT;,0:i=58;/Objects/Made/1:Object]"
     DELETE PUBLISH_0 QI=1 ID="opc_ua[DELETE_OBJECT;/Objects/Made/1:Object]"
     START.COLD -> OBJECT.INIT
@@ -135,7 +135,8 @@ def test_nodes_of_other_types_are_made_and_deleted(device: ServedDevice, managem
     OBJECT.CNF -> VARIABLE.REQ
     VARIABLE.CNF -> AGAIN.REQ
     """
-    build(management, "R", steps)
+    kind = "/Types/0:VariableTypes/0:BaseVariableType/0:PropertyType"
+    build(management, "R", steps.replace("KIND", kind))
     management.start("R")
     wait_for(management, "R", "AGAIN.STATUS", lambda value: value == "DATA_TYPE_ERROR")
     assert [management.read("R", f"{name}.STATUS") for name in ("OBJECT", "VARIABLE")] == ["OK", "OK"]

@@ -18,7 +18,8 @@ READ CLIENT_0_1 QI=1 ID="opc_ua[READ;opc.tcp://127.0.0.1:PORT#;/Objects/1:Level]
 GOT LREAL2LREAL
 WRITE CLIENT_1_0 QI=1 ID="opc_ua[WRITE;opc.tcp://127.0.0.1:PORT#;,1:s=valve]"
 VALVE BOOL2BOOL
-CALL CLIENT_2_1 QI=1 ID="opc_ua[CALL_METHOD;opc.tcp://127.0.0.1:PORT#;/Objects/1:Add]"
+WRITTEN E_CTU PV=9
+CALL CLIENT_2_1 QI=1 ID="opc_ua[CALL_METHOD;opc.tcp://127.0.0.1:PORT#;/1:Add]"
 A INT2INT
 B INT2INT
 SUM INT2INT
@@ -35,6 +36,7 @@ B.OUT -> CALL.SD_2
 CALL.RD_1 -> SUM.IN
 SEEN.RD_1 -> LEVEL.IN
 VALVE.CNF -> WRITE.REQ
+WRITE.CNF -> WRITTEN.CU
 A.CNF -> B.REQ
 B.CNF -> CALL.REQ
 READ.CNF -> GOT.REQ
@@ -55,7 +57,7 @@ async def with_nodes(port: int) -> Server:
     await objects.add_variable(ua.NodeId("level", 1), "1:Level", 1.5)
     valve = await objects.add_variable(ua.NodeId("valve", 1), "1:Valve", False)
     await valve.set_writable()
-    await objects.add_method(1, "Add", add, [ua.VariantType.Int16] * 2, [ua.VariantType.Int16])
+    await server.nodes.root.add_method(1, "Add", add, [ua.VariantType.Int16] * 2, [ua.VariantType.Int16])
     return server
 
 
@@ -93,7 +95,7 @@ def test_a_server_is_read_written_called_and_watched_as_soon_as_it_is_there(
         assert await meanwhile("LEVEL.OUT", lambda value: value == "1.5")
         management.write("R", "VALVE.IN", "TRUE")
         management.trigger("R", "VALVE.REQ")
-        await meanwhile("WRITE.STATUS", lambda value: value == "OK")
+        await meanwhile("WRITTEN.CV", lambda value: value == "1")
         assert await server.get_node("ns=1;s=valve").read_value() is True
         management.write("R", "A.IN", "40")
         management.write("R", "B.IN", "2")
