@@ -110,14 +110,24 @@ def prefixed(text: str) -> ElementaryType:
     return _PREFIXES[text.partition("#")[0].upper()]
 
 
+def _widens(given: ElementaryType, wanted: ElementaryType) -> bool:
+    """Whether every value of a type is one of another (IEC 61131-3, figure 12)."""
+    if given.kind == wanted.kind:
+        return given.bits <= wanted.bits
+    if given.is_integer and wanted.kind == "real":
+        return given.bits < wanted.bits
+    return given.kind == "unsigned" and wanted.kind == "signed" and given.bits < wanted.bits
+
+
 def _parse(text: str, data_type: ElementaryType) -> Any:
     prefix, sharp, rest = text.partition("#")
     typed = _PREFIXES.get(prefix.upper()) if sharp else None
     if typed is not None:
-        if typed.kind != data_type.kind or typed.bits > data_type.bits:
+        if not _widens(typed, data_type):
             raise FunctionBlockError(f"{text:.60} is a {typed}, expected {data_type}")
         if typed.name != data_type.name:
-            return _parse(text, typed)
+            value = _parse(text, typed)
+            return float(value) if data_type.kind == "real" else value
     value = _parse_untyped(rest if typed else text, data_type)
     if value is None or (data_type.kind == "time" and typed is None and value != 0):
         raise FunctionBlockError(f"{text[:60]!r} is not a {data_type}: expected {_EXAMPLES[data_type.kind]}")

@@ -63,6 +63,15 @@ class XmlElement:
         """The first child of that tag."""
         return next(self.children(tag), None)
 
+    def descendants(self, tag: str) -> Iterator[XmlElement]:
+        """The elements of one tag at any depth, in order."""
+        for element in self._element.iter(tag):
+            yield XmlElement(element, self.file)
+
+    def put(self, name: str, value: str) -> None:
+        """Gives an attribute another value."""
+        self._element.set(name, value)
+
     def expect_children(self, tags: Sequence[str]) -> None:
         """Raises FunctionBlockError at the first child with a tag that is not among `tags`."""
         for child in self.children():
@@ -99,8 +108,12 @@ class XmlElement:
         return FunctionBlockError(message, self.file, self.line)
 
 
-def read_xml(path: Path) -> XmlElement:
+def read_xml(path: Path, *, foreign: bool = False) -> XmlElement:
     """The root element of a file.
+
+    Args:
+        path: the file.
+        foreign: whether files of other tools are taken, too.
 
     Raises:
         FunctionBlockError: the file cannot be read, is another tool's, is not well-formed, defines or uses entities,
@@ -111,12 +124,12 @@ def read_xml(path: Path) -> XmlElement:
             data = stream.read(MAXIMUM_SIZE + 1)
     except OSError as error:
         raise FunctionBlockError(f"cannot be read: {error.strerror}", str(path)) from None
-    other = "" if data.lstrip()[:1] == b"<" else dialect_of_text(data)
+    other = "" if foreign or data.lstrip()[:1] == b"<" else dialect_of_text(data)
     if other:
         raise FunctionBlockError(other, str(path))
     root = parse_xml(data, str(path))
     other = dialect_of_namespace(root.namespaces)
-    if other:
+    if other and not foreign:
         raise root.error(other)
     return root
 

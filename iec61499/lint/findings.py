@@ -78,6 +78,7 @@ _RULES: Final = (
     Rule("no-effect", "warning", "A variable that is assigned to itself."),
     Rule("narrow-arithmetic", "info", "A sum, difference or product that may overflow before it is widened."),
     Rule("real-equality", "info", "Real numbers compared by = or <>."),
+    Rule("duplicate-connection", "warning", "A connection of data that is drawn twice."),
     Rule("never-triggered", "warning", "A block of a network whose event inputs are all unconnected."),
     Rule("event-loop", "info", "Events that lead back to where they came from, past no block that waits."),
     Rule(REASONLESS, "error", "A suppression that does not say why."),

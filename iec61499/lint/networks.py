@@ -38,9 +38,21 @@ def network_findings(
             continue
         message = f"no event is connected to {block.name} ({block.type_name}): it never does anything"
         yield Finding(network.file, block.line, 0, "never-triggered", message)
+    yield from _duplicates(network)
     yield from _loops(network, types)
     for sub in network.subapplications:
         yield from network_findings(sub.network, find)
+
+
+def _duplicates(network: model.FBNetwork) -> Iterator[Finding]:
+    """Connections of data that are drawn twice."""
+    lines: dict[tuple[str, str], int] = {}
+    for connection in network.data:
+        ends = connection.source, connection.destination
+        if ends in lines:
+            message = f"{ends[0]} -> {ends[1]} is drawn in line {lines[ends]}, too"
+            yield Finding(network.file, connection.line, 0, "duplicate-connection", message)
+        lines.setdefault(ends, connection.line)
 
 
 def _fed(network: model.FBNetwork, others: tuple[model.Connection, ...]) -> set[str]:

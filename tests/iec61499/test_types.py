@@ -24,6 +24,7 @@ from iec61499.types import (
     REAL,
     STRING,
     TIME,
+    UINT,
     USINT,
     WORD,
     WSTRING,
@@ -96,6 +97,10 @@ def test_a_formatted_value_reads_back_equal(data_type: DataType, data: st.DataOb
         ("['a,b', ']']", ArrayType(STRING, 0, 1), ["a,b", "]"]),
         ("[[1, 2], [3, 4]]", ArrayType(ArrayType(INT, 0, 1), 0, 1), [[1, 2], [3, 4]]),
         ("[]", ArrayType(INT, 0, 0), [0]),
+        ("USINT#5", INT, 5),
+        ("SINT#-5", INT, -5),
+        ("UINT#7", REAL, 7.0),
+        ("DINT#-7", LREAL, -7.0),
     ],
 )
 def test_literals_as_4diac_writes_them(text: str, data_type: DataType, value: object) -> None:
@@ -116,6 +121,9 @@ def test_literals_as_4diac_writes_them(text: str, data_type: DataType, value: ob
         ("T#300000d", TIME, "is out of the range of TIME"),
         ("LREAL#1.0", REAL, "LREAL#1.0 is a LREAL, expected REAL"),
         ("WORD#1", INT, "WORD#1 is a WORD, expected INT"),
+        ("UINT#1", INT, "UINT#1 is a UINT, expected INT"),
+        ("INT#1", UINT, "INT#1 is a INT, expected UINT"),
+        ("DINT#1", REAL, "DINT#1 is a DINT, expected REAL"),
         ("1e39", REAL, "1e39 is beyond the range of REAL"),
         ("nan", LREAL, "'nan' is not a LREAL"),
         ("[1, 2, 3]", ArrayType(INT, 0, 1), "more than the 2 elements of ARRAY [0..1] OF INT"),

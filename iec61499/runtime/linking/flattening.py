@@ -178,7 +178,7 @@ class Flattener:
         for connection in (*own_data, *data):
             wire = wired(connection, known.data, level.data, is_event=False)
             other = netlist.data.get(wire.destination)
-            if other is not None:
+            if other is not None and other.source != wire.source:  # the same once more changes nothing
                 raise FunctionBlockError(
                     f"{connection.destination} already has a source in line {other.line}: expected one connection",
                     network.file,

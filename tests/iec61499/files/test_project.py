@@ -126,3 +126,32 @@ def test_a_value_without_its_constant_is_named_with_its_place(project: Path, val
         Library([project]).find("DOUBLE")
     assert f"DOUBLE.fbt:3: '{value}' is not a INT" in str(refused.value)
     assert str(refused.value).endswith(reason)
+
+
+TAGS = """<virtualDNS:VirtualDNSManagement xmi:version="2.0" xmlns:xmi="http://www.omg.org/XMI"
+xmlns:virtualDNS="org.eclipse.fordiac.ide.virtualDNS"
+activeVirtualDNS="//@availableDNSCollections.1">
+<availableDNSCollections name="Home"><virtualDNSEntries name="COUNT" value="1"/></availableDNSCollections>
+<availableDNSCollections name="Plant"><virtualDNSEntries name="COUNT" value="UINT#7"/>
+<virtualDNSEntries name="HOST" value="127.0.0.1"/></availableDNSCollections></virtualDNS:VirtualDNSManagement>"""
+TAGGED = """<System Name="s"><Application Name="A"><SubAppNetwork>
+<FB Name="N" Type="E_CTU"><Parameter Name="PV" Value="%COUNT%"/></FB>
+<FB Name="P" Type="PUBLISH_0"><Parameter Name="ID" Value="'%HOST%:%PORT%'"/></FB></SubAppNetwork></Application>
+<Device Name="D" Type="FORTE_PC"><Resource Name="R" Type="EMB_RES"/></Device>
+<Mapping From="A.N" To="D.R"/><Mapping From="A.P" To="D.R"/></System>"""
+
+
+def test_names_of_the_project_have_the_values_of_its_active_collection(tmp_path: Path) -> None:
+    (tmp_path / ".project").write_text("<projectDescription/>")
+    (tmp_path / "virtualDNS.dns").write_text(TAGS)
+    folder = tmp_path / "systems"
+    folder.mkdir()
+    file = folder / "s.sys"
+    file.write_text(TAGGED)
+    library = Library([tmp_path])
+    blocks = {block.name: block for block in resource_network(library.load_system(file), "D.R").blocks}
+    assert [parameter.value for parameter in blocks["N"].parameters] == ["UINT#7"]
+    assert [parameter.value for parameter in blocks["P"].parameters] == ["'127.0.0.1:%PORT%'"]
+    (folder / ".project").write_text("<projectDescription/>")
+    with pytest.raises(FunctionBlockError, match="'%COUNT%' is not a UINT"):
+        Resource(resource_network(library.load_system(file), "D.R"), library)

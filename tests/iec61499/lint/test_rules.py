@@ -114,6 +114,15 @@ def test_events_of_networks(tmp_path: Path) -> None:
     assert found_in(tmp_path, NETWORK.replace("CONNECTIONS", back)) == {"event-loop": 3}
 
 
+def test_a_connection_that_is_drawn_twice_is_told_and_runs_once(tmp_path: Path) -> None:
+    data = '<Connection Source="M.OUT" Destination="N.IN"/>\n' * 2
+    text = f"""<FBType Name="T"><InterfaceList><EventInputs><Event Name="GO"/></EventInputs></InterfaceList>
+<FBNetwork><FB Name="M" Type="INT2INT"/><FB Name="N" Type="INT2INT"/><EventConnections>
+<Connection Source="GO" Destination="M.REQ"/><Connection Source="M.CNF" Destination="N.REQ"/></EventConnections>
+<DataConnections>{data}</DataConnections></FBNetwork></FBType>"""
+    assert found_in(tmp_path, text) == {"duplicate-connection": 5}
+
+
 def test_mistakes_are_told_beside_what_the_rules_find(tmp_path: Path) -> None:
     parts = {"CODE": "UNKNOWN := 1;", "STATES": '<ECState Name="ISLAND"/>'}
     assert {"invalid", "unreachable-state"} <= {*found_in(tmp_path, type_with(parts))}
