@@ -37,6 +37,11 @@ class Inlet:
         self._latest: Values | None = None
         self._closed = False
 
+    @property
+    def closed(self) -> bool:
+        """Whether the block has been closed."""
+        return self._closed
+
     def put(self, action: Callable[[], None]) -> None:
         """Does something to the resource."""
         with self._lock:

@@ -1,22 +1,19 @@
-"""OPC UA of a device: one server and one connection to each other server, for the blocks of all its resources."""
+"""OPC UA of a device, without the library: what blocks ask for waits until the thread has imported it."""
 
 from __future__ import annotations
 
-import logging
-import warnings
-from typing import Final
+from typing import TYPE_CHECKING, Any
 
 from iec61499.errors import CommunicationError
 from iec61499.net.inlet import Inlet
-from iec61499.net.opcua.identifiers import parse_action
-from iec61499.net.opcua.own import CHANNELS, OwnChannel
-from iec61499.net.opcua.remote import Connection, RemoteChannel
-from iec61499.net.opcua.server import NodeServer
+from iec61499.net.opcua.identifiers import Action, parse_action
 from iec61499.net.opcua.thread import LoopThread
 from iec61499.net.settings import Connections
 
-ENDPOINTS: Final = 64
-"""Most other servers."""
+if TYPE_CHECKING:
+    from iec61499.net.opcua.backend import Backend
+    from iec61499.net.opcua.own import OwnChannel
+    from iec61499.net.opcua.remote import RemoteChannel
 
 
 class OpcUa:
@@ -27,21 +24,16 @@ class OpcUa:
     """
 
     def __init__(self, settings: Connections) -> None:
-        # what peers cause is told in one line where it is noticed; the library would show a traceback for each
-        logging.getLogger("asyncua").setLevel(logging.CRITICAL + 1)
-        # it forgets to tell subscribers of a node that the node has gone
-        warnings.filterwarnings("ignore", r"coroutine '[\w.]*datachange_callback' was never awaited", RuntimeWarning)
         self._settings = settings
         self._thread = LoopThread()
-        self._server = NodeServer(settings.opcua)
-        self._connections: dict[str, Connection] = {}
+        self._backend: Backend | None = None
 
     @property
     def port(self) -> int:
         """The port where the own server listens; 0 before a block has needed it."""
-        return self._server.port
+        return self._backend.port if self._backend is not None else 0
 
-    def open(self, inlet: Inlet, parameters: str) -> OwnChannel | RemoteChannel:
+    def open(self, inlet: Inlet, parameters: str) -> LateChannel:
         """Opens the channel of a block.
 
         Args:
@@ -49,29 +41,64 @@ class OpcUa:
             parameters: what stands in the brackets of `opc_ua[...]`.
 
         Raises:
-            CommunicationError: it has another form, or OPC UA has no values of a type.
+            CommunicationError: it has another form.
         """
         port = inlet.port
         try:
             action = parse_action(parameters, port.kind, len(port.sends), len(port.receives))
-            if not action.endpoint:
-                return CHANNELS.get(action.name, OwnChannel)(action, inlet, self._server, self._thread)
-            return RemoteChannel(action, inlet, self._connection(action.endpoint), self._thread)
         except CommunicationError as error:
             raise CommunicationError(str(error), "TERMINATED") from None  # as 4diac FORTE says then
+        channel = LateChannel(action, inlet, self._thread)
+        self._thread.submit(self._begin(channel))
+        return channel
 
     def close(self) -> None:
         """Ends the server and all connections."""
         self._thread.close(self._end)
 
-    def _connection(self, endpoint: str) -> Connection:
-        if endpoint not in self._connections:
-            if len(self._connections) >= ENDPOINTS:
-                raise CommunicationError(f"{endpoint}: expected at most {ENDPOINTS} OPC UA servers")
-            self._connections[endpoint] = Connection(self._settings.peer_at(endpoint))
-        return self._connections[endpoint]
+    async def _begin(self, channel: LateChannel) -> None:
+        from iec61499.net.opcua.backend import Backend
+
+        if self._backend is None:
+            self._backend = Backend(self._settings, self._thread)
+        channel.begin(self._backend)
 
     async def _end(self) -> None:
-        for connection in self._connections.values():
-            await connection.close()
-        await self._server.close()
+        if self._backend is not None:
+            await self._backend.end()
+
+
+class LateChannel:
+    """A channel that is made in the thread; requests before that are refused."""
+
+    is_ready = False
+
+    def __init__(self, action: Action, inlet: Inlet, thread: LoopThread) -> None:
+        self.confirms = action.name != "CREATE_METHOD"
+        self._action = action
+        self._inlet = inlet
+        self._thread = thread
+        self._made: OwnChannel | RemoteChannel | None = None
+
+    def begin(self, backend: Backend) -> None:
+        """Makes the channel; called in the thread."""
+        if self._inlet.closed:
+            return
+        try:
+            self._made = backend.channel(self._action, self._inlet)
+        except CommunicationError as error:
+            self._inlet.refuse_open("TERMINATED", str(error))
+
+    def send(self, values: tuple[Any, ...]) -> None:
+        """Sends the values. Raises CommunicationError when that is impossible, or too early."""
+        if self._made is None:
+            raise CommunicationError("OPC UA is not there yet", "DATA_TYPE_ERROR")
+        self._made.send(values)
+
+    def close(self) -> None:
+        self._inlet.close()
+        self._thread.call(self._close)
+
+    def _close(self) -> None:
+        if self._made is not None:
+            self._made.close()

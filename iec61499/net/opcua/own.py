@@ -34,9 +34,6 @@ class OwnChannel:
         thread: where it runs.
     """
 
-    is_ready = False
-    confirms = True
-
     def __init__(self, action: Action, inlet: Inlet, server: NodeServer, thread: LoopThread) -> None:
         self._action = action
         self._inlet = inlet
@@ -62,7 +59,7 @@ class OwnChannel:
         self._thread.submit(self._execute(variants))
 
     def close(self) -> None:
-        self._inlet.close()
+        """Lets go of the nodes."""
         self._thread.submit(self._close())
 
     async def _open(self) -> None:
@@ -139,8 +136,6 @@ class ReadChannel(OwnChannel):
 
 class MethodChannel(OwnChannel):
     """A SERVER's: a method. One call at a time; the others wait."""
-
-    confirms = False
 
     def __init__(self, action: Action, inlet: Inlet, server: NodeServer, thread: LoopThread) -> None:
         self._turn = asyncio.Lock()

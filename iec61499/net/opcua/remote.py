@@ -140,9 +140,6 @@ class RemoteChannel:
     refused as DATA_TYPE_ERROR, as FORTE says then.
     """
 
-    is_ready = True
-    confirms = True
-
     def __init__(self, action: Action, inlet: Inlet, connection: Connection, thread: LoopThread) -> None:
         self.is_prepared = False
         self._action = action
@@ -158,6 +155,7 @@ class RemoteChannel:
         self._sends = converters(inlet.port.sends)
         self._receives = converters(inlet.port.receives)
         self._values = [kind.default for kind in inlet.port.receives]
+        inlet.put(inlet.port.confirm_open)
         thread.submit(connection.add(self))
 
     def send(self, values: tuple[Any, ...]) -> None:
@@ -175,7 +173,7 @@ class RemoteChannel:
         self._thread.submit(self._exchange(variants))
 
     def close(self) -> None:
-        self._inlet.close()
+        """Leaves the connection."""
         self._thread.submit(self._connection.remove(self))
 
     async def prepare(self, client: Client) -> None:

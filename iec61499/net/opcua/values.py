@@ -1,7 +1,8 @@
 """Values of function blocks as values of OPC UA, with the types that 4diac FORTE gives them.
 
 A TIME is an Int64 of nanoseconds, a date with or without a time of day a DateTime, a WORD a UInt16. Arrays of one
-dimension travel as such. Structures, enumerations and times of day have no form that peers would understand.
+dimension travel as such, and so does a structure LocalizedText. Other structures, enumerations and times of day have
+no form that peers would understand.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from asyncua import ua
 
 from iec61499.errors import CommunicationError
 from iec61499.net.encoding import STRING_LIMIT, Value
-from iec61499.types import ArrayType, DataType, ElementaryType
+from iec61499.types import STRING, ArrayType, DataType, ElementaryType, StructType
 
 _VARIANTS: Final = {
     "BOOL": ua.VariantType.Boolean,
@@ -56,7 +57,7 @@ class Converter:
         length: elements of the array; 0 for a single value.
     """
 
-    element: ElementaryType
+    element: ElementaryType | StructType
     variant: ua.VariantType
     length: int
 
@@ -76,7 +77,7 @@ class Converter:
             if self.length:
                 return ua.Variant([_encode(self.element, one) for one in value], self.variant)
             return ua.Variant(_encode(self.element, value), self.variant)
-        except (OverflowError, UnicodeError, ValueError, TypeError):
+        except (OverflowError, UnicodeError, ValueError, TypeError, KeyError):
             raise CommunicationError(f"{value!r:.60} is no {self.element} for OPC UA") from None
 
     def decode(self, variant: ua.Variant | None) -> Value:
@@ -90,7 +91,7 @@ class Converter:
             if self.length:
                 return [_decode(self.element, one) for one in variant.Value[: self.length]]
             return _decode(self.element, variant.Value)
-        except (OverflowError, UnicodeError, ValueError, TypeError, AttributeError):
+        except (OverflowError, UnicodeError, ValueError, TypeError, AttributeError, KeyError):
             raise CommunicationError(f"{variant.Value!r:.60} is no {self.element}") from None
 
 
@@ -98,6 +99,8 @@ def converter(kind: DataType) -> Converter:
     """What converts values of a type. Raises CommunicationError when OPC UA has none."""
     element = kind.element if isinstance(kind, ArrayType) else kind
     length = kind.elements if isinstance(kind, ArrayType) else 0
+    if isinstance(element, StructType) and element.name == "LocalizedText" and not length:
+        return Converter(element, ua.VariantType.LocalizedText, 0)
     if not isinstance(element, ElementaryType) or element.name not in _VARIANTS:
         raise CommunicationError(f"{kind} has no value of OPC UA: expected an elementary type, or an array of one")
     return Converter(element, _VARIANTS[element.name], length)
@@ -108,7 +111,10 @@ def converters(kinds: Sequence[DataType]) -> tuple[Converter, ...]:
     return tuple(map(converter, kinds))
 
 
-def _encode(kind: ElementaryType, value: Value) -> Any:
+def _encode(kind: ElementaryType | StructType, value: Value) -> Any:
+    if isinstance(kind, StructType):
+        texts = {m.name.lower(): _encode(STRING, one) for m, one in zip(kind.members, value, strict=True)}
+        return ua.LocalizedText(texts["text"], texts["locale"] or None)
     if kind.name == "STRING":
         return value.encode("latin-1").decode("utf-8", "replace")
     if kind.kind == "char":
@@ -118,7 +124,10 @@ def _encode(kind: ElementaryType, value: Value) -> Any:
     return value
 
 
-def _decode(kind: ElementaryType, value: Any) -> Value:
+def _decode(kind: ElementaryType | StructType, value: Any) -> Value:
+    if isinstance(kind, StructType):
+        texts = {"text": value.Text or "", "locale": value.Locale or ""}
+        return [_decode(STRING, texts[member.name.lower()]) for member in kind.members]
     if kind.kind == "string":
         text = value.encode("utf-8").decode("latin-1") if kind.name == "STRING" else value
         if len(text) > STRING_LIMIT:

@@ -53,15 +53,17 @@ class ServedDevice:
         return BlockingClient(self.device.addresses()[block], NUMBER, NUMBER, PATIENCE)
 
 
-def wait_for(client: ManagementClient, resource: str, name: str, condition: Callable[[str], bool]) -> str:
-    """The value of a port, as soon as it meets the condition."""
+def wait_for(
+    client: ManagementClient, resource: str, name: str, condition: Callable[[str], bool], timeout: float = PATIENCE
+) -> str:
+    """The value of a port, as soon as it meets the condition; `timeout` s at most."""
     values: list[str] = []
 
     def met() -> bool:
         values.append(client.read(resource, name))
         return condition(values[-1])
 
-    until(met, f"{resource}.{name} has the value", PATIENCE)
+    until(met, f"{resource}.{name} has the value", timeout)
     return values[-1]
 
 

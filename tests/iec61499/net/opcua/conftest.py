@@ -14,11 +14,13 @@ from iec61499.library import Library
 from iec61499.management.client import ManagementClient
 from iec61499.management.protocol import ManagementError
 from iec61499.net.settings import Connections, OwnServer
-from tests.support.iec61499.served_device import ANY_PORT, PATIENCE, ServedDevice
+from tests.support.iec61499.served_device import ANY_PORT, ServedDevice, wait_for
 from tests.support.waiting import until
 
 pytest.importorskip("asyncua", reason="the extra opcua is not installed")
 
+LONG = 60.0
+"""Longest time that a server takes to be made on a busy machine, s."""
 LOCAL = Connections(OwnServer("127.0.0.1:0"))
 
 
@@ -50,15 +52,20 @@ def management(device: ServedDevice) -> Iterator[ManagementClient]:
         client.delete_block("", "R")
 
 
+def wait(management: ManagementClient, name: str, wanted: str) -> None:
+    """Waits until a port of the resource R has a value."""
+    wait_for(management, "R", name, lambda value: value == wanted, LONG)
+
+
 def endpoint(device: ServedDevice) -> str:
     """Where the server of a device listens, as soon as it does."""
-    port = until(lambda: device.device.protocols.opcua_port, "the OPC UA server listens", PATIENCE)
+    port = until(lambda: device.device.protocols.opcua_port, "the OPC UA server listens", LONG)
     return f"opc.tcp://127.0.0.1:{port}"
 
 
 def run(scenario: Callable[[], Coroutine[Any, Any, None]]) -> None:
-    """Runs a scenario of clients and servers, for a minute at most."""
-    asyncio.run(asyncio.wait_for(scenario(), 60.0))
+    """Runs a scenario of clients and servers, for two minutes at most."""
+    asyncio.run(asyncio.wait_for(scenario(), 2 * LONG))
 
 
 class Values:
@@ -74,5 +81,5 @@ class Values:
 
     async def wait(self, value: Any) -> None:
         while value not in self._seen:
-            await asyncio.wait_for(self._come.wait(), PATIENCE)
+            await asyncio.wait_for(self._come.wait(), LONG)
             self._come.clear()

@@ -11,8 +11,8 @@ from asyncua import Client, ua
 
 from iec61499.management.client import ManagementClient
 from iec61499.net.settings import Connections, OwnServer
-from tests.iec61499.net.opcua.conftest import Values, endpoint, run, serving
-from tests.support.iec61499.served_device import PATIENCE, ServedDevice, build, wait_for
+from tests.iec61499.net.opcua.conftest import Values, endpoint, run, serving, wait
+from tests.support.iec61499.served_device import PATIENCE, ServedDevice, build
 
 PLANT = """
 IN SUBSCRIBE_2 QI=1 ID="opc_ua[READ;/Objects/Plant/Speed;/Objects/Plant/2:Name,1:s=name]"
@@ -57,7 +57,7 @@ def test_clients_write_what_blocks_read_and_call_what_they_answer(
 ) -> None:
     build(management, "R", PLANT)
     management.start("R")
-    wait_for(management, "R", "METHOD.QO", lambda value: value == "TRUE")
+    wait(management, "METHOD.QO", "TRUE")
 
     async def scenario() -> None:
         async with Client(endpoint(device)) as client:
@@ -117,7 +117,7 @@ def test_what_cannot_be_is_terminated_as_on_forte(
 ) -> None:
     build(management, "R", steps + "\nSTART.COLD -> X.INIT")
     management.start("R")
-    wait_for(management, "R", "X.STATUS", lambda value: value == "TERMINATED")
+    wait(management, "X.STATUS", "TERMINATED")
     assert management.read("R", "X.QO") == "FALSE"
 
 
@@ -138,7 +138,7 @@ def test_nodes_of_other_types_are_made_and_deleted(device: ServedDevice, managem
     kind = "/Types/0:VariableTypes/0:BaseVariableType/0:PropertyType"
     build(management, "R", steps.replace("KIND", kind))
     management.start("R")
-    wait_for(management, "R", "AGAIN.STATUS", lambda value: value == "DATA_TYPE_ERROR")
+    wait(management, "AGAIN.STATUS", "DATA_TYPE_ERROR")
     assert [management.read("R", f"{name}.STATUS") for name in ("OBJECT", "VARIABLE")] == ["OK", "OK"]
 
     async def scenario() -> None:
@@ -155,7 +155,7 @@ def test_nodes_of_other_types_are_made_and_deleted(device: ServedDevice, managem
     run(scenario)
     management.trigger("R", "DELETE.REQ")
     management.trigger("R", "DELETE.REQ")
-    wait_for(management, "R", "DELETE.STATUS", lambda value: value == "DATA_TYPE_ERROR")
+    wait(management, "DELETE.STATUS", "DATA_TYPE_ERROR")
 
 
 def test_a_port_that_is_taken_is_told(caplog: pytest.LogCaptureFixture) -> None:
@@ -166,7 +166,7 @@ def test_a_port_that_is_taken_is_told(caplog: pytest.LogCaptureFixture) -> None:
             management.connect("R", "X.RD_1", "Y.IN")
             management.connect("R", "START.COLD", "X.INIT")
             management.start("R")
-            wait_for(management, "R", "X.STATUS", lambda value: value == "TERMINATED")
+            wait(management, "X.STATUS", "TERMINATED")
     assert f"X: cannot listen for OPC UA at {where}: " in caplog.text
 
 
@@ -184,5 +184,5 @@ def test_garbage_costs_a_connection_and_no_more(device: ServedDevice, management
             whole = [ua.Variant(each, ua.VariantType.Int16) for each in (40, 2)]
             assert await plant.call_method("1:Sum", *whole) == 42
 
-    wait_for(management, "R", "METHOD.QO", lambda value: value == "TRUE")
+    wait(management, "METHOD.QO", "TRUE")
     run(scenario)

@@ -9,7 +9,7 @@ import pytest
 from asyncua import Server, ua
 
 from iec61499.management.client import ManagementClient
-from tests.iec61499.net.opcua.conftest import run
+from tests.iec61499.net.opcua.conftest import LONG, run, wait
 from tests.support.iec61499.served_device import ServedDevice, build, wait_for
 from tests.support.ports import free_port
 
@@ -78,9 +78,9 @@ def test_a_server_is_read_written_called_and_watched_as_soon_as_it_is_there(
 
         block = event.partition(".")[0]
         management.trigger("R", event)
-        wait_for(management, "R", f"{block}.STATUS", again)
+        wait_for(management, "R", f"{block}.STATUS", again, LONG)
 
-    wait_for(management, "R", "SEEN.QO", lambda value: value == "TRUE")
+    wait(management, "SEEN.QO", "TRUE")
     asked("READ.REQ", "DATA_TYPE_ERROR")
 
     async def scenario() -> None:
@@ -88,7 +88,7 @@ def test_a_server_is_read_written_called_and_watched_as_soon_as_it_is_there(
         await server.start()
 
         async def meanwhile(name: str, condition: Callable[[str], bool]) -> str:
-            return await asyncio.to_thread(wait_for, management, "R", name, condition)
+            return await asyncio.to_thread(wait_for, management, "R", name, condition, LONG)
 
         await asyncio.to_thread(asked, "READ.REQ", "OK")
         assert await meanwhile("GOT.OUT", lambda value: value == "1.5")

@@ -15,8 +15,8 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from iec61499.errors import ToolError
 from iec61499.net.settings import read_connections
-from tests.iec61499.net.opcua.conftest import endpoint, run, serving
-from tests.support.iec61499.served_device import build, wait_for
+from tests.iec61499.net.opcua.conftest import endpoint, run, serving, wait
+from tests.support.iec61499.served_device import build
 
 
 def certify(folder: Path, name: str) -> None:
@@ -104,12 +104,12 @@ def test_who_is_trusted_may_write_and_nobody_else(tmp_path: Path, caplog: pytest
                 build(other, "R", CALLING.replace("ENDPOINT", where))
                 other.start("R")
                 if name == "stranger":
-                    wait_for(other, "R", "OUT.STATUS", lambda value: value == "DATA_TYPE_ERROR")
+                    wait(other, "OUT.STATUS", "DATA_TYPE_ERROR")
                     while "BadCertificateUntrusted" not in caplog.text:
                         other.read("R", "OUT.STATUS")
                     assert management.read("R", "GO.OUT") == "FALSE"
                 else:
-                    wait_for(management, "R", "GO.OUT", lambda value: value == "TRUE")
+                    wait(management, "GO.OUT", "TRUE")
 
 
 @pytest.mark.parametrize(
