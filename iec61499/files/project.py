@@ -1,4 +1,8 @@
-"""Reads the links of a 4diac project (`.project` of Eclipse) to folders of types outside of it."""
+"""Reads what a project of 4diac IDE says beside its systems and types.
+
+`.project` of Eclipse links to folders of types outside of it. `virtualDNS.dns` gives values to names such as
+`%SERVER%` in parameters, which 4diac IDE puts in their place when it deploys; one of its collections is active.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +16,9 @@ from iec61499.files.xml import XmlElement, read_xml
 
 PROJECT: Final = ".project"
 _FOLDER: Final = "2"
+TAGS: Final = "virtualDNS.dns"
+_TAG: Final = re.compile(r"%([^%]+)%")
+_ACTIVE: Final = re.compile(r"//@availableDNSCollections\.([0-9]{1,4})")
 _PARENT: Final = re.compile(r"PARENT-(\d)-PROJECT_LOC")
 
 
@@ -59,3 +66,40 @@ def _base(variable: str, project: Path) -> Path | None:
 def _text(element: XmlElement, tag: str) -> str:
     child = element.child(tag)
     return child.text.strip() if child is not None else ""
+
+
+def read_tags(folder: Path) -> dict[str, str]:
+    """The values of a system's project by their names; none where there is no such file.
+
+    Args:
+        folder: the folder of the system; the file is there, or in one above it within the project.
+
+    Raises:
+        FunctionBlockError: the file is unreadable or not well-formed.
+    """
+    for each in (folder, *folder.parents):
+        if (each / TAGS).is_file():
+            return _active(read_xml(each / TAGS, foreign=True))
+        if (each / PROJECT).is_file():
+            break
+    return {}
+
+
+def put_tags(root: XmlElement, tags: dict[str, str]) -> None:
+    """Puts the values of names into the parameters below an element; names without a value stay as they are."""
+    if not tags:
+        return
+    for parameter in root.descendants("Parameter"):
+        value = parameter.get("Value")
+        if "%" in value:
+            parameter.put("Value", _TAG.sub(lambda found: tags.get(found[1], found[0]), value))
+
+
+def _active(root: XmlElement) -> dict[str, str]:
+    collections = list(root.children("availableDNSCollections"))
+    found = _ACTIVE.fullmatch(root.get("activeVirtualDNS"))
+    number = int(found[1]) if found is not None else 0
+    if number >= len(collections):
+        return {}
+    entries = collections[number].children("virtualDNSEntries")
+    return {entry.get("name"): entry.get("value") for entry in entries if entry.get("name")}

@@ -9,7 +9,7 @@ from iec61499 import model
 from iec61499.files.header import PASSED_OVER, read_header
 from iec61499.files.names import ALONE, Names, with_imports
 from iec61499.files.networks import read_network, read_parameters
-from iec61499.files.tags import put_tags, read_tags
+from iec61499.files.project import put_tags, read_tags
 from iec61499.files.xml import XmlElement, read_xml
 
 _SYSTEM_PARTS: Final = ("Application", "Device", "Mapping", "Segment", "Link", *PASSED_OVER)

@@ -118,8 +118,8 @@ def test_all_mistakes_of_a_system_are_said_at_once(write: Write) -> None:
 
 PROTOCOLS = """<System Name="P"><VersionInfo Version="1.0" Author="A"/>
  <Device Name="D" Type="FORTE_PC"><Resource Name="R" Type="EMB_RES"><FBNetwork>
-  <FB Name="OPC" Type="CLIENT_1_1"><Parameter Name="ID" Value="opc_ua[READ;opc.tcp://x:4840#;/a]"/></FB>
-  <FB Name="RAW" Type="SERVER_1_1"><Parameter Name="ID" Value="raw[].ip[localhost:61900]"/></FB>
+  <FB Name="OPC" Type="CLIENT_1_1"><Parameter Name="ID" Value="opc_ua[CREATE;opc.tcp://x:4840#;/a]"/></FB>
+  <FB Name="CSV" Type="SERVER_1_1"><Parameter Name="ID" Value="csv[].ip[localhost:61900]"/></FB>
   <FB Name="GOOD" Type="SERVER_1_1"><Parameter Name="ID" Value="fbdk[].ip[localhost:61901]"/></FB>
   <FB Name="NEAR" Type="PUBL_1"><Parameter Name="ID" Value="channel"/></FB>
  </FBNetwork></Resource></Device></System>"""
@@ -127,8 +127,8 @@ PROTOCOLS = """<System Name="P"><VersionInfo Version="1.0" Author="A"/>
 
 def test_blocks_whose_protocol_is_not_here_are_named(write: Write) -> None:
     warnings = inspect(write("P.sys", PROTOCOLS), Library()).warnings
-    assert [line.split(": ")[1] for line in warnings] == ["OPC", "RAW"]
-    assert "opc_ua[READ" in warnings[0]
+    assert [line.split(": ")[1] for line in warnings] == ["OPC", "CSV"]
+    assert "opc_ua[CREATE" in warnings[0]
 
 
 def test_start_in_an_application_that_runs_nowhere_is_a_warning(write: Write, tmp_path: Path) -> None:
