@@ -64,6 +64,7 @@ class Actuator:
         tolerance: relative standard deviation of the constant.
         gear: turns of the motor for one of the joint; its sign is that of the direction.
         rotor: inertia of the rotor seen at the joint, kg m^2; None where it is not known.
+        limit: largest command either way, N m, A or V; inf where it is not known.
     """
 
     commanded: Commanded = "torque"
@@ -71,6 +72,54 @@ class Actuator:
     tolerance: float = 0.1
     gear: float = 1.0
     rotor: float | None = None
+    limit: float = np.inf
+
+
+@dataclass(frozen=True, slots=True)
+class Friction:
+    """What a joint loses, as far as it is known before anything is identified.
+
+    Attributes:
+        viscous: torque per velocity, N m s/rad or N s/m.
+        coulomb: torque against the motion, N m or N.
+        load: further torque against the motion, in parts of the torque that the gear carries.
+    """
+
+    viscous: float = 0.0
+    coulomb: float = 0.0
+    load: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Tolerances:
+    """Relative standard deviations of an arm of this kind from its data sheet.
+
+    Attributes:
+        constant: of the constants of the actuators.
+        mass: of the masses of the links.
+        inertia: of their inertias.
+        friction: of every friction term.
+        centre: standard deviation of a centre of mass along each axis, m.
+        noise: standard deviation of the noise of the encoders, rad or m.
+    """
+
+    constant: float = 0.05
+    mass: float = 0.03
+    inertia: float = 0.05
+    friction: float = 0.3
+    centre: float = 0.002
+    noise: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Gripper:
+    """What holds a load at the end of the chain.
+
+    Attributes:
+        payload: largest mass that it holds, kg.
+    """
+
+    payload: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,6 +138,8 @@ class Joint:
         effort: largest torque or force, N m or N; inf where it is not known.
         actuator: its drive.
         step: step of the encoder, rad or m; 0 where it is not known.
+        acceleration: largest acceleration that a path asks for, rad/s^2 or m/s^2; inf where nobody said one.
+        friction: what it loses.
     """
 
     name: str
@@ -102,6 +153,19 @@ class Joint:
     effort: float = np.inf
     actuator: Actuator = Actuator()
     step: float = 0.0
+    acceleration: float = np.inf
+    friction: Friction = Friction()
+
+    @property
+    def turns(self) -> bool:
+        """Whether it is revolute."""
+        return self.kind == "revolute"
+
+    @property
+    def largest(self) -> float:
+        """The largest torque or force of its drive, N m or N; inf where neither limit nor effort is known."""
+        constant = self.actuator.constant
+        return self.effort if constant is None else min(self.effort, abs(constant) * self.actuator.limit)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -114,6 +178,10 @@ class Arm:
         links: the n links that move with them.
         gravity: acceleration of gravity in the base's frame, (3,), m/s^2.
         remarks: what its reader simplified, as sentences for people.
+        tool: point of the last link that does the work, in the link's frame, (3,), m.
+        period: time between two samples of its controller, s.
+        tolerances: how arms of this kind differ from it.
+        gripper: what holds a load, if anything does.
     """
 
     name: str
@@ -121,6 +189,10 @@ class Arm:
     links: tuple[Link, ...]
     gravity: Array = field(default_factory=lambda: np.array(GRAVITY))
     remarks: tuple[str, ...] = ()
+    tool: Array = field(default_factory=lambda: np.zeros(3))
+    period: float = 0.01
+    tolerances: Tolerances = Tolerances()
+    gripper: Gripper | None = None
 
     def __post_init__(self) -> None:
         if not self.joints or len(self.joints) != len(self.links):
@@ -152,6 +224,27 @@ class Arm:
         """The arm with other inertial parameters, (10 n,)."""
         links = zip(self.links, parameters.reshape(len(self), 10), strict=True)
         return replace(self, links=tuple(Link.from_parameters(link.name, row) for link, row in links))
+
+
+def aligned(arm: Arm) -> Arm:
+    """The same arm with every frame turned so that its joint's axis is z, which makes its equations short."""
+    before = np.eye(3)
+    joints, links = [], []
+    for joint, link in zip(arm.joints, arm.links, strict=True):
+        turn = _onto(joint.axis)
+        rotation, translation = before.T @ joint.rotation @ turn, before.T @ joint.translation
+        joints.append(replace(joint, axis=np.array([0.0, 0.0, 1.0]), rotation=rotation, translation=translation))
+        links.append(Link(link.name, link.mass, turn.T @ link.centre, turn.T @ link.inertia @ turn))
+        before = turn
+    return replace(arm, joints=tuple(joints), links=tuple(links), tool=before.T @ arm.tool)
+
+
+def _onto(axis: Array) -> Array:
+    """A rotation (3, 3) that takes z to a unit vector (3,); exact where that is along x, y or z."""
+    helper = np.eye(3)[min((1, 2, 0), key=lambda k: abs(axis[k]))]  # y beside z, so that z itself stays
+    first = np.cross(helper, axis)
+    first /= np.linalg.norm(first)
+    return np.stack([first, np.cross(axis, first), axis], axis=1)
 
 
 def steiner(arm: Array) -> Array:

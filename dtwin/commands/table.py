@@ -53,6 +53,10 @@ GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
         "machine list": Subcommand("cell.machine", "MachineList", "list the machines that the arm can be"),
         "machine show": Subcommand("cell.machine", "MachineShow", "show a machine as a file that can be read again"),
         "machine draw": Subcommand("cell.machine", "MachineDraw", "write the machine of a number to a file"),
+        "arm import": Subcommand("arm.arms", "ArmImport", "make the file of an arm from its MJCF or URDF"),
+        "arm show": Subcommand("arm.arms", "ArmShow", "show an arm: joints, drives, limits, links"),
+        "arm check": Subcommand("arm.arms", "ArmCheck", "check the file of an arm; tell what is still to be added"),
+        "arm list": Subcommand("arm.arms", "ArmList", "list the arms of the folder arms"),
         "experiment clearance": Subcommand(
             "cell.clearance", "ExperimentClearance", "sweep the arm's ways through the geometry of the cell"
         ),

@@ -1,0 +1,272 @@
+"""Arms as files: `arms/NAME.toml` beside its model, or any other TOML file of the same form; docs/arms.md explains it.
+
+model = "six-axis.xml"     # MJCF or URDF, beside this file
+tip = "wrist_3"            # last body or link of the chain; the end of the longest chain without it
+
+[joints.shoulder]
+commanded = "A"            # what its drive takes: V, N m or A
+constant = 0.11            # N m of the motor a unit of the command
+gear = 101.0
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Final, Literal, cast
+
+import msgspec
+import numpy as np
+
+from dtwin.arm.chain import Actuator, Arm, Commanded, Friction, Gripper, Joint, Tolerances
+from dtwin.errors import ModelError, choices
+from dtwin.files import reason_of
+from dtwin.parameters import ROOT
+
+FOLDER: Final = ROOT / "arms"
+"""Folder of the named arms."""
+SUFFIX: Final = ".toml"
+UNITS: Final[dict[str, Commanded]] = {"N m": "torque", "A": "current", "V": "voltage"}
+"""What an actuator can be commanded in."""
+_LARGEST: Final = 1 << 18
+"""Largest file that is read, bytes."""
+Sign = Literal["any", "positive", "not negative"]
+
+_JOINT: Final[dict[str, tuple[Sign, str]]] = {
+    "constant": ("any", "torque of the motor a unit of the command, N m"),
+    "limit": ("positive", "largest command either way, in its unit"),
+    "gear": ("any", "turns of the motor for one of the joint"),
+    "rotor": ("not negative", "inertia of the rotor at the motor, kg m^2"),
+    "viscous": ("not negative", "viscous friction at the joint, N m s/rad"),
+    "coulomb": ("not negative", "Coulomb friction at the joint, N m"),
+    "load": ("not negative", "friction that grows with the load, in parts of the torque carried"),
+    "encoder": ("not negative", "step of the encoder at the joint, rad or m"),
+    "lower": ("any", "least position, rad or m"),
+    "upper": ("any", "largest position, rad or m"),
+    "speed": ("positive", "largest speed, rad/s or m/s"),
+    "acceleration": ("positive", "largest acceleration of a path, rad/s^2 or m/s^2"),
+    "effort": ("positive", "largest torque or force at the joint, N m or N"),
+}
+"""Numbers of a joint, with what each means."""
+_TOLERANCES: Final[dict[str, tuple[Sign, str]]] = {
+    "constant": ("not negative", "relative standard deviation of the constants"),
+    "mass": ("not negative", "relative standard deviation of the masses"),
+    "inertia": ("not negative", "relative standard deviation of the inertias"),
+    "friction": ("not negative", "relative standard deviation of every friction"),
+    "centre": ("not negative", "standard deviation of the centres of mass, m"),
+    "noise": ("not negative", "standard deviation of the encoders' noise, rad or m"),
+}
+NEEDED: Final = ("commanded", "constant", "limit")
+"""What a person must say of a joint before the arm can be driven."""
+_TOP: Final = ("model", "tip", "period", "tool", "joints", "tolerances", "gripper")
+
+
+@dataclass(frozen=True, slots=True)
+class ArmFile:
+    """What a file says of an arm.
+
+    Attributes:
+        path: the file.
+        model: its model file.
+        tip: last body or link of the chain; None for the end of the longest chain.
+        period: time between two samples, s.
+        tool: point of the last link that does the work, m; None for the model's.
+        joints: what it says of joints, by their names: numbers, and the unit of the command.
+        tolerances: how arms of this kind differ from it.
+        payload: largest mass that the gripper holds, kg; None without a gripper.
+    """
+
+    path: Path
+    model: Path
+    tip: str | None = None
+    period: float = 0.01
+    tool: tuple[float, float, float] | None = None
+    joints: Mapping[str, Mapping[str, float | str]] = field(default_factory=dict)
+    tolerances: Tolerances = Tolerances()
+    payload: float | None = None
+
+
+def names() -> list[str]:
+    """Names of the arms in `arms/`."""
+    return sorted(path.stem for path in FOLDER.glob(f"*{SUFFIX}"))
+
+
+def path_of(text: str) -> Path:
+    """The file that a name or a path stands for: an arm's (*.toml), or a model alone (*.xml, *.urdf).
+
+    Raises:
+        ModelError: there is no such arm.
+    """
+    path = Path(text)
+    if path.suffix.lower() in (SUFFIX, *MODELS):
+        return path
+    if text not in names():
+        raise ModelError(f"arm {text!r}: expected a file (*.toml, *.urdf, *.xml), or {choices(names())}")
+    return FOLDER / f"{text}{SUFFIX}"
+
+
+MODELS: Final = (".xml", ".urdf", ".mjcf")
+"""Endings of the names of model files."""
+
+
+def read_file(path: Path) -> ArmFile:
+    """Reads the file of an arm; its model is not looked at.
+
+    Raises:
+        ModelError: the file cannot be read, or holds what no arm has; names file and key, and what was expected.
+    """
+    try:
+        if path.stat().st_size > _LARGEST:
+            raise ModelError(f"{path}: expected at most {_LARGEST} bytes, got {path.stat().st_size}")
+        content = msgspec.toml.decode(path.read_bytes())
+    except OSError as error:
+        raise ModelError(f"{path}: cannot be read: {reason_of(error)}") from None
+    except (msgspec.MsgspecError, ValueError) as error:
+        raise ModelError(f"{path}: expected an arm: {error}") from None
+    try:
+        return _file(path, content)
+    except ModelError as error:
+        raise ModelError(f"{path}: {error}") from None
+
+
+def _file(path: Path, content: dict[str, Any]) -> ArmFile:
+    _known("", content, _TOP)
+    model = _text("model", content.get("model"))
+    tip = _text("tip", content["tip"]) if "tip" in content else None
+    joints = {
+        name: _joint(f"joints.{name}", _table(f"joints.{name}", values))
+        for name, values in _table("joints", content.get("joints", {})).items()
+    }
+    spread = _table("tolerances", content.get("tolerances", {}))
+    _known("tolerances", spread, _TOLERANCES)
+    numbers = {key: _number(f"tolerances.{key}", value, *_TOLERANCES[key]) for key, value in spread.items()}
+    held = _table("gripper", content.get("gripper", {}))
+    _known("gripper", held, ("payload",))
+    payload = _number("gripper.payload", held.get("payload"), "positive", "mass, kg") if held else None
+    period = _number("period", content.get("period", 0.01), "positive", "time between two samples, s")
+    if period > 0.1:
+        raise ModelError(f"period: expected at most 0.1 s, got {period:g}")
+    tool = _point("tool", content["tool"]) if "tool" in content else None
+    return ArmFile(path, path.parent / model, tip, period, tool, joints, Tolerances(**numbers), payload)
+
+
+def complete(file: ArmFile, chain: Arm) -> Arm:
+    """The arm: the chain of its model with what its file says.
+
+    Raises:
+        ModelError: the file names a joint that the chain has not, or a range is empty.
+    """
+    have = [joint.name for joint in chain.joints]
+    for name in file.joints:
+        if name not in have:
+            raise ModelError(f"{file.path}: joints.{name}: expected a joint of the model, {choices(have)}")
+    joints = tuple(_completed(file, joint, file.joints.get(joint.name, {})) for joint in chain.joints)
+    return replace(
+        chain,
+        name=file.path.stem,
+        joints=joints,
+        tool=chain.tool if file.tool is None else np.array(file.tool),
+        period=file.period,
+        tolerances=file.tolerances,
+        gripper=None if file.payload is None else Gripper(file.payload),
+    )
+
+
+def missing(arm: Arm) -> list[str]:
+    """What a person must still say before the arm can be driven, as keys of its file."""
+    found = []
+    for joint in arm.joints:
+        actuator = joint.actuator
+        known = {
+            "constant": actuator.constant is not None,
+            "limit": math.isfinite(actuator.limit),
+            "lower": math.isfinite(joint.lower) or joint.turns,
+            "speed": math.isfinite(joint.speed),
+            "acceleration": math.isfinite(joint.acceleration),
+        }
+        found += [f"joints.{joint.name}.{key}" for key, there in known.items() if not there]
+    return found
+
+
+def meaning(key: str) -> str:
+    """What the last part of a key of a joint means, for people."""
+    name = key.rpartition(".")[2]
+    return f"one of {choices(UNITS)}" if name == "commanded" else _JOINT[name][1]
+
+
+def _completed(file: ArmFile, joint: Joint, said: Mapping[str, float | str]) -> Joint:
+    numbers = cast(dict[str, float], {key: value for key, value in said.items() if key != "commanded"})
+    actuator, friction = joint.actuator, joint.friction
+    gear = numbers.get("gear", actuator.gear)
+    constant = numbers["constant"] * gear if "constant" in numbers else actuator.constant
+    rotor = numbers["rotor"] * gear**2 if "rotor" in numbers else actuator.rotor
+    commanded = UNITS[cast(str, said["commanded"])] if "commanded" in said else actuator.commanded
+    if commanded == "torque" and constant is None:
+        constant = 1.0
+    limit = numbers.get("limit", actuator.limit)
+    found = replace(
+        joint,
+        lower=numbers.get("lower", joint.lower),
+        upper=numbers.get("upper", joint.upper),
+        speed=numbers.get("speed", joint.speed),
+        effort=numbers.get("effort", joint.effort),
+        acceleration=numbers.get("acceleration", joint.acceleration),
+        step=numbers.get("encoder", joint.step),
+        actuator=Actuator(commanded, constant, file.tolerances.constant, gear, rotor, limit),
+        friction=Friction(*(numbers.get(key, getattr(friction, key)) for key in ("viscous", "coulomb", "load"))),
+    )
+    if not found.lower < found.upper:
+        raise ModelError(
+            f"{file.path}: joints.{joint.name}: expected lower below upper, got {found.lower:g} and {found.upper:g}"
+        )
+    return found
+
+
+def _joint(where: str, values: dict[str, Any]) -> dict[str, float | str]:
+    _known(where, values, ("commanded", *_JOINT))
+    found: dict[str, float | str] = {}
+    for key, value in values.items():
+        if key == "commanded":
+            if value not in UNITS:
+                raise ModelError(f"{where}.commanded: expected {choices(UNITS)}, got {value!r}")
+            found[key] = value
+        else:
+            found[key] = _number(f"{where}.{key}", value, *_JOINT[key])
+            if key in ("constant", "gear") and not found[key]:
+                raise ModelError(f"{where}.{key}: expected a number other than 0")
+    return found
+
+
+def _known(where: str, values: Mapping[str, Any], valid: Any) -> None:
+    for key in values:
+        if key not in valid:
+            raise ModelError(f"{where + '.' if where else ''}{key}: unknown key: expected {choices(valid)}")
+
+
+def _table(where: str, value: Any) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise ModelError(f"{where}: expected a table, got {value!r}")
+    return value
+
+
+def _text(where: str, value: Any) -> str:
+    if not isinstance(value, str) or not value:
+        raise ModelError(f"{where}: expected a text, got {'nothing' if value is None else repr(value)}")
+    return value
+
+
+def _number(where: str, value: Any, sign: Sign, what: str) -> float:
+    good = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    if not good or (sign == "positive" and not value > 0.0) or (sign == "not negative" and value < 0.0):
+        kind = {"any": "a number", "positive": "a number above 0", "not negative": "a number of at least 0"}[sign]
+        raise ModelError(f"{where}: expected {kind} ({what}), got {value!r}")
+    return float(value)
+
+
+def _point(where: str, value: Any) -> tuple[float, float, float]:
+    if not isinstance(value, list) or len(value) != 3:
+        raise ModelError(f"{where}: expected three numbers, m, got {value!r}")
+    x, y, z = (_number(where, number, "any", "m") for number in value)
+    return x, y, z

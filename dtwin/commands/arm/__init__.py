@@ -1,0 +1,1 @@
+"""`dtwin arm ...`: arms as files."""

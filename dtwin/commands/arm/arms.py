@@ -1,0 +1,163 @@
+"""`dtwin arm import`, `show`, `check` and `list`."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import tyro
+from rich.table import Table
+
+from dtwin.arm.chain import Arm
+from dtwin.arm.file import FOLDER, SUFFIX, names
+from dtwin.arm.text import findings, imported, summary
+from dtwin.commands.frame import JsonOption
+from dtwin.emulation.chain.arms import arm_of, chain_of
+from dtwin.errors import DtwinError, ModelError
+from dtwin.files import ensure_writable, replacing
+from dtwin.terminal import as_text, print_json, print_table, printable
+
+
+@dataclass(frozen=True)
+class ArmImport:
+    """Make the file of an arm from its model: what the model tells, and line by line what a person must add.
+
+    What is no serial chain is refused: joints that follow others, closed loops, bodies without mass.
+    """
+
+    model: Annotated[Path, tyro.conf.Positional]
+    """MJCF (.xml) or URDF file of the arm."""
+    tip: str | None = None
+    """Last link of the chain; the end of the longest chain if not given."""
+    out: Path | None = None
+    """TOML file to write, beside the model and called as it if not given."""
+
+    def execute(self) -> int:
+        path = self.out or self.model.with_suffix(SUFFIX)
+        if self.out is None and path.exists():
+            raise ModelError(f"{path}: is there already: give --out FILE to write another one")
+        ensure_writable(path, SUFFIX)
+        chain = chain_of(self.model, self.tip)
+        model = os.path.relpath(self.model.absolute(), path.absolute().parent)
+        with replacing(path, SUFFIX) as temporary:
+            temporary.write_text(imported(chain, Path(model).as_posix(), self.tip))
+        _print([*summary(chain), *findings(arm_of(str(path))), f"written: {path}"])
+        return 0
+
+
+@dataclass(frozen=True)
+class ArmShow(JsonOption):
+    """Show an arm: its joints, drives, limits and links."""
+
+    arm: tyro.conf.Positional[str] = "thesis"
+    """Name of arms/, file of an arm (*.toml), or a model (*.urdf, *.xml)."""
+
+    def execute(self) -> int:
+        arm = arm_of(self.arm)
+        if self.json:
+            print_json(as_object(arm))
+            return 0
+        _print(summary(arm))
+        print_table(_table(arm))
+        return 0
+
+
+@dataclass(frozen=True)
+class ArmCheck:
+    """Check the file of an arm; tell what is still to be added. The exit status is 1 if something is."""
+
+    arm: tyro.conf.Positional[str] = "thesis"
+    """Name of arms/, file of an arm (*.toml), or a model (*.urdf, *.xml)."""
+
+    def execute(self) -> int:
+        arm = arm_of(self.arm)
+        found = findings(arm)
+        _print([*summary(arm), *(found or ["it can be driven"])])
+        return 1 if found else 0
+
+
+@dataclass(frozen=True)
+class ArmList(JsonOption):
+    """List the arms of the folder arms/."""
+
+    def execute(self) -> int:
+        lines: dict[str, str] = {}
+        for name in names():
+            try:
+                lines[name] = summary(arm_of(str(FOLDER / f"{name}{SUFFIX}")))[0].partition(": ")[2]
+            except DtwinError as error:
+                lines[name] = str(error)
+        if self.json:
+            print_json(lines)
+            return 0
+        table = Table("arm", "what it is")
+        for name, line in lines.items():
+            table.add_row(as_text(name), as_text(line))
+        print_table(table)
+        return 0
+
+
+def as_object(arm: Arm) -> dict[str, Any]:
+    """An arm as an object for programs, SI units; what is not known or has no limit is null."""
+
+    def number(value: float | None) -> float | None:
+        return value if value is not None and np.isfinite(value) else None
+
+    return {
+        "name": arm.name,
+        "period": arm.period,
+        "payload": arm.gripper.payload if arm.gripper else None,
+        "remarks": list(arm.remarks),
+        "joints": [
+            {
+                "name": joint.name,
+                "kind": joint.kind,
+                "lower": number(joint.lower),
+                "upper": number(joint.upper),
+                "speed": number(joint.speed),
+                "acceleration": number(joint.acceleration),
+                "commanded": joint.actuator.commanded,
+                "constant": number(joint.actuator.constant),
+                "limit": number(joint.actuator.limit),
+                "rotor": number(joint.actuator.rotor),
+                "viscous": joint.friction.viscous,
+                "coulomb": joint.friction.coulomb,
+                "load": joint.friction.load,
+                "encoder": joint.step,
+                "mass": link.mass,
+                "centre": link.centre.tolist(),
+                "inertia": link.inertia.tolist(),
+            }
+            for joint, link in zip(arm.joints, arm.links, strict=True)
+        ],
+    }
+
+
+_UNITS = {"torque": "N m", "current": "A", "voltage": "V", "position": "position"}
+
+
+def _table(arm: Arm) -> Table:
+    table = Table("joint", "kind", "range", "speed", "drive", "limit", "N m a unit", "friction", "mass of its link")
+    for joint, link in zip(arm.joints, arm.links, strict=True):
+        drive, friction = joint.actuator, joint.friction
+        values = (
+            joint.name,
+            joint.kind,
+            f"{joint.lower:.4g} to {joint.upper:.4g}",
+            f"{joint.speed:.3g}",
+            _UNITS[drive.commanded],
+            f"{drive.limit:.4g}",
+            "not known" if drive.constant is None else f"{drive.constant:.4g}",
+            f"{friction.viscous:.3g} w + {friction.coulomb:.3g} + {friction.load:.2g} load",
+            f"{link.mass:.4g} kg",
+        )
+        table.add_row(*map(as_text, values))
+    return table
+
+
+def _print(lines: list[str]) -> None:
+    for line in lines:
+        print(printable(line))

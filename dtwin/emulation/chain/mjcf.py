@@ -1,0 +1,278 @@
+"""Reads the serial chain of an MJCF file, as MuJoCo's own compiler understands the file.
+
+Defaults, includes, Euler angles and masses of geoms are resolved by the compiler; this module reads its result.
+Bodies that hang on a link beside the chain are welded at their position 0 and told as a remark.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import mujoco
+import numpy as np
+
+from dtwin.arm.chain import Actuator, Arm, Array, Commanded, Friction, Joint, Link, steiner
+from dtwin.emulation.model import one_line
+from dtwin.errors import ModelError, choices
+from dtwin.files import reason_of
+
+_LARGEST: Final = 16_000_000
+"""Largest size of a file that is read, bytes."""
+_KINDS: Final = {int(mujoco.mjtJoint.mjJNT_HINGE): "revolute", int(mujoco.mjtJoint.mjJNT_SLIDE): "prismatic"}
+
+
+@dataclass(frozen=True)
+class _Frame:
+    """A frame in another one: attitude (3, 3) and origin (3,), m."""
+
+    rotation: Array
+    translation: Array
+
+    def then(self, inner: _Frame) -> _Frame:
+        return _Frame(self.rotation @ inner.rotation, self.translation + self.rotation @ inner.translation)
+
+
+@dataclass(frozen=True)
+class _Body:
+    """Mass, first moments and inertia about the origin of a frame."""
+
+    mass: float
+    moment: Array
+    inertia: Array
+
+
+_NOTHING: Final = _Body(0.0, np.zeros(3), np.zeros((3, 3)))
+
+
+def read_mjcf(path: Path, tip: str | None = None) -> Arm:
+    """Reads the chain from the world to a body.
+
+    Args:
+        path: MJCF file; the meshes that it names must be there.
+        tip: last body of the chain; None for the one that most joints move, if there is only one.
+
+    Raises:
+        ModelError: MuJoCo cannot compile the file; the chain is not clear, is closed to a loop or has a joint that
+            follows another; a joint is neither hinge nor slide; or a moving body has no mass.
+    """
+    model = compiled(path)
+    chain = _chain(path, model, tip)
+    _refuse_constraints(path, model, chain)
+    joints, links, remarks = [], [], []
+    frame = _Frame(np.eye(3), np.zeros(3))
+    anchor = np.zeros(3)
+    for body in chain:
+        frame = frame.then(_place(model, body))
+        numbers = _joints_of(model, body)
+        for count, number in enumerate(numbers, start=1):
+            position = model.jnt_pos[number]
+            frame = _Frame(frame.rotation, frame.translation + frame.rotation @ (position - anchor))
+            joints.append(_joint(path, model, number, frame))
+            frame, anchor = _Frame(np.eye(3), np.zeros(3)), position
+            name = model.body(body).name or f"body {body}"
+            if count < len(numbers):
+                links.append(Link(f"{name} before {model.joint(numbers[count]).name}", 0.0, *_empty()))
+                continue
+            carried, frozen = _welded(model, body, set(chain))
+            remarks += [f"joint {joint} is not in the chain: it is welded at 0" for joint in frozen]
+            links.append(_link(path, name, carried, anchor))
+        if numbers:
+            frame, anchor = _Frame(np.eye(3), -anchor), np.zeros(3)
+    tool = frame.translation + frame.rotation @ _tool(model, chain[-1])
+    gravity = np.array(model.opt.gravity)
+    return Arm(path.stem, tuple(joints), tuple(links), gravity, tuple(remarks), tool)
+
+
+def compiled(path: Path) -> mujoco.MjModel:
+    """MuJoCo's model of a file.
+
+    Raises:
+        ModelError: the file cannot be read, or MuJoCo cannot compile it.
+    """
+    try:
+        if path.stat().st_size > _LARGEST:
+            raise ModelError(f"{path}: expected at most {_LARGEST} bytes, got {path.stat().st_size}")
+        return mujoco.MjModel.from_xml_path(str(path))
+    except OSError as error:
+        raise ModelError(f"{path}: cannot be read: {reason_of(error)}") from None
+    except ValueError as error:
+        raise ModelError(one_line(path, str(error))) from None
+
+
+def _empty() -> tuple[Array, Array]:
+    return np.zeros(3), np.zeros((3, 3))
+
+
+def _chain(path: Path, model: mujoco.MjModel, tip: str | None) -> list[int]:
+    """The bodies from the one above the world to the last one."""
+    names = [model.body(body).name for body in range(1, model.nbody)]
+    if tip is not None:
+        if tip not in names:
+            raise ModelError(f"{path}: tip {tip!r}: expected one of the bodies, {choices(names)}")
+        end = model.body(tip).id
+        found = list(_above(model, end))
+    else:
+        moved = {
+            body: sum(_counts(model, number) for above in _above(model, body) for number in _joints_of(model, above))
+            for body in range(1, model.nbody)
+        }
+        most = max(moved.values(), default=0)
+        last = [body for body, count in moved.items() if count == most and _joints_of(model, body)]
+        if not most:
+            raise ModelError(f"{path}: expected a body that a hinge or slide moves, got none")
+        if len(last) != 1:
+            ends = choices([model.body(body).name for body in last])
+            raise ModelError(f"{path}: expected a tip, as several chains have {most} joints: {ends}")
+        found = list(_above(model, last[0]))
+    if not any(_joints_of(model, body) for body in found):
+        raise ModelError(f"{path}: tip {tip!r}: expected a body that a joint moves")
+    return found[::-1]
+
+
+def _counts(model: mujoco.MjModel, number: int) -> int:
+    return int(int(model.jnt_type[number]) in _KINDS)
+
+
+def _above(model: mujoco.MjModel, body: int) -> Iterator[int]:
+    """A body and those that it hangs on, without the world."""
+    while body:
+        yield body
+        body = int(model.body_parentid[body])
+
+
+def _joints_of(model: mujoco.MjModel, body: int) -> list[int]:
+    first = int(model.body_jntadr[body])
+    return list(range(first, first + int(model.body_jntnum[body])))
+
+
+def _place(model: mujoco.MjModel, body: int) -> _Frame:
+    return _Frame(_matrix(model.body_quat[body]), np.array(model.body_pos[body]))
+
+
+def _matrix(quaternion: Any) -> Array:
+    turn = np.empty(9)
+    mujoco.mju_quat2Mat(turn, quaternion)
+    return turn.reshape(3, 3)
+
+
+def _refuse_constraints(path: Path, model: mujoco.MjModel, chain: list[int]) -> None:
+    """Refuses what makes a chain no chain: closed loops, and joints that follow others."""
+    numbers = {number for body in chain for number in _joints_of(model, body)}
+    bodies = set(chain)
+    for k in range(model.neq):
+        name = model.equality(k).name or f"equality {k + 1}"
+        kind, first, second = mujoco.mjtEq(int(model.eq_type[k])), int(model.eq_obj1id[k]), int(model.eq_obj2id[k])
+        if kind == mujoco.mjtEq.mjEQ_JOINT and first in numbers:
+            follows = model.joint(second).name if second >= 0 else "a constant"
+            raise ModelError(
+                f"{path}: joint {model.joint(first).name} follows {follows} ({name}): expected joints that move by "
+                "themselves"
+            )
+        if kind in (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD) and _holds(model, k, bodies):
+            raise ModelError(f"{path}: {name}: expected a tree, got a closed loop")
+
+
+def _holds(model: mujoco.MjModel, k: int, bodies: set[int]) -> bool:
+    """Whether a connection holds a body of the chain; its ends are bodies, or sites of them."""
+    ends = [int(model.eq_obj1id[k]), int(model.eq_obj2id[k])]
+    if int(model.eq_objtype[k]) == int(mujoco.mjtObj.mjOBJ_SITE):
+        ends = [int(model.site_bodyid[end]) for end in ends]
+    return bool(set(ends) & bodies)
+
+
+def _joint(path: Path, model: mujoco.MjModel, number: int, frame: _Frame) -> Joint:
+    name = model.joint(number).name or f"joint_{number + 1}"
+    kind = _KINDS.get(int(model.jnt_type[number]))
+    if kind is None:
+        raise ModelError(f"{path}: joint {name}: expected a hinge or a slide, got a ball or a free joint")
+    axis, offset = np.array(model.jnt_axis[number]), float(model.qpos0[model.jnt_qposadr[number]])
+    if offset and kind == "revolute":
+        turn = np.zeros(4)
+        mujoco.mju_axisAngle2Quat(turn, axis, -offset)
+        frame = frame.then(_Frame(_matrix(turn), np.zeros(3)))
+    elif offset:
+        frame = frame.then(_Frame(np.eye(3), -offset * axis))
+    degree = int(model.jnt_dofadr[number])
+    lower, upper = (-np.inf, np.inf) if not model.jnt_limited[number] else map(float, model.jnt_range[number])
+    effort = np.inf
+    if model.jnt_actfrclimited[number]:
+        effort = float(np.abs(model.jnt_actfrcrange[number]).min())
+    return Joint(
+        name,
+        kind,  # type: ignore[arg-type]  # one of the values of _KINDS
+        axis,
+        frame.rotation,
+        frame.translation,
+        lower,
+        upper,
+        effort=effort,
+        actuator=_actuator(model, number, float(model.dof_armature[degree])),
+        friction=Friction(float(model.dof_damping[degree]), float(model.dof_frictionloss[degree])),
+    )
+
+
+def _actuator(model: mujoco.MjModel, number: int, rotor: float) -> Actuator:
+    """The drive of a joint, as far as MJCF says: a gain without bias is a torque a unit, a position servo is told."""
+    for k in range(model.nu):
+        of_joint = int(model.actuator_trntype[k]) == int(mujoco.mjtTrn.mjTRN_JOINT)
+        if not of_joint or int(model.actuator_trnid[k, 0]) != number:
+            continue
+        limit = float(np.abs(model.actuator_ctrlrange[k]).min()) if model.actuator_ctrllimited[k] else np.inf
+        gain = float(model.actuator_gainprm[k, 0] * model.actuator_gear[k, 0])
+        plain = int(model.actuator_biastype[k]) == int(mujoco.mjtBias.mjBIAS_NONE)
+        commanded: Commanded = "torque" if plain else "position"
+        return Actuator(commanded, gain if plain and gain else None, rotor=rotor, limit=limit if plain else np.inf)
+    return Actuator(rotor=rotor)
+
+
+def _welded(model: mujoco.MjModel, body: int, chain: set[int]) -> tuple[_Body, list[str]]:
+    """The mass properties of a body with all that hangs on it beside the chain, in its frame, and frozen joints.
+
+    What hangs on it by a body of the chain without a joint belongs to it as well.
+    """
+    found, frozen = _own(model, body), []
+    for child in range(body + 1, model.nbody):
+        if int(model.body_parentid[child]) != body or (child in chain and _joints_of(model, child)):
+            continue
+        frozen += [model.joint(number).name for number in _joints_of(model, child)]
+        part, more = _welded(model, child, chain)
+        found, frozen = _together(found, _shifted(part, _place(model, child))), frozen + more
+    return found, frozen
+
+
+def _own(model: mujoco.MjModel, body: int) -> _Body:
+    mass, centre = float(model.body_mass[body]), np.array(model.body_ipos[body])
+    turn = _matrix(model.body_iquat[body])
+    central = turn @ np.diag(model.body_inertia[body]) @ turn.T
+    return _Body(mass, mass * centre, central + mass * steiner(centre))
+
+
+def _shifted(body: _Body, frame: _Frame) -> _Body:
+    """A body in the frame in which its own frame stands."""
+    rotation = frame.rotation
+    if not body.mass:
+        return _Body(0.0, np.zeros(3), rotation @ body.inertia @ rotation.T)
+    centre = body.moment / body.mass
+    central = body.inertia - body.mass * steiner(centre)
+    there = rotation @ centre + frame.translation
+    return _Body(body.mass, body.mass * there, rotation @ central @ rotation.T + body.mass * steiner(there))
+
+
+def _together(one: _Body, other: _Body) -> _Body:
+    return _Body(one.mass + other.mass, one.moment + other.moment, one.inertia + other.inertia)
+
+
+def _link(path: Path, name: str, body: _Body, anchor: Array) -> Link:
+    if not body.mass:
+        raise ModelError(f"{path}: body {name}: expected an inertial, or geoms with mass")
+    centre = body.moment / body.mass
+    return Link(name, body.mass, centre - anchor, body.inertia - body.mass * steiner(centre))
+
+
+def _tool(model: mujoco.MjModel, body: int) -> Array:
+    """The first site of the last body, else its origin, in its frame."""
+    first = next((site for site in range(model.nsite) if int(model.site_bodyid[site]) == body), None)
+    return np.zeros(3) if first is None else np.array(model.site_pos[first])
