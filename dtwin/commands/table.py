@@ -75,6 +75,7 @@ GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
         "fb format": Subcommand("iec61499.commands.formatting", "FbFormat", "lay out Structured Text of block types"),
         "fb test": Subcommand("iec61499.commands.testing", "FbTest", "test function blocks"),
         "fb outline": Subcommand("iec61499.commands.comparing", "FbOutline", "print what function-block files say"),
+        "fb make": Subcommand("arm.making", "FbMake", "make the function blocks of an arm"),
         "fb export": Subcommand("blocks.library", "FbExport", "write block types as Lua, or systems as boot files"),
         "fb run": Subcommand(
             "blocks.device", "FbRun", "serve function blocks as a device that management can build on"

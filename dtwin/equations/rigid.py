@@ -152,6 +152,16 @@ def mass_matrix(arm: Arm, q: Numbers) -> Numbers:
     return np.stack(columns, axis=2)
 
 
+def usual_inertia(arm: Arm) -> Array:
+    """The inertia of every joint with all that it carries and its rotor, (n,), kg m^2: the mean over 64 poses."""
+    lower = np.array([max(joint.lower, -np.pi) for joint in arm.joints])
+    upper = np.array([min(joint.upper, np.pi) for joint in arm.joints])
+    poses = np.random.default_rng(0).uniform(lower, upper, (64, len(arm)))
+    rotors = np.array([joint.actuator.rotor or 0.0 for joint in arm.joints])
+    mean: Array = np.einsum("nii->i", mass_matrix(arm, poses)) / len(poses) + rotors
+    return mean
+
+
 def forward_dynamics(arm: Arm, q: Numbers, qd: Numbers, tau: Numbers) -> Numbers:
     """The accelerations under the torques tau, (N, n): M q'' = tau - C q' - g."""
     bias = inverse_dynamics(arm, q, qd, np.zeros_like(q))

@@ -1,0 +1,75 @@
+"""`dtwin fb make`: the function blocks of an arm."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Final
+
+import tyro
+
+from dtwin.arm.poses import read_poses
+from dtwin.controller.chain.application import APPLICATION, ARM, LIBRARY, Control, inputs, network
+from dtwin.controller.chain.printing import system_text
+from dtwin.emulation.chain.arms import arm_of
+from dtwin.equations.rigid import usual_inertia
+from dtwin.errors import ParameterError
+from dtwin.files import ensure_writable, replacing
+from dtwin.terminal import printable
+
+TYPES: Final = (
+    *("POSE_SEQUENCE", "CHAIN_JOINT", "JOINT_PATH", "JOINT_FEEDBACK", "CHAIN_LINK", "JOINT_DRIVE"),
+    "SAFE_STOP",
+)
+"""The block types of the library that an application uses."""
+
+
+@dataclass(frozen=True)
+class FbMake:
+    """Make the application of function blocks that controls an arm: a system for 4diac IDE, FORTE and `dtwin fb run`.
+
+    The block types are put beside it, so that its folder is whole.
+    """
+
+    arm: Annotated[str, tyro.conf.Positional]
+    """Name of arms/, file of an arm (*.toml), or a model (*.urdf, *.xml)."""
+    out: Annotated[Path, tyro.conf.Positional]
+    """System file (.sys) to write."""
+    poses: Path | None = None
+    """TOML file of the poses that the arm takes (docs/arms.md); without it the arm stays where it is."""
+    late: bool = False
+    """Reckon with commands that act one sample late, as between services and over networks."""
+
+    def execute(self) -> int:
+        ensure_writable(self.out, ".sys")
+        arm = arm_of(self.arm)
+        poses = None if self.poses is None else read_poses(self.poses, arm)
+        control = Control(delay=arm.period if self.late else 0.0)
+        values = inputs(arm, usual_inertia(arm), control, poses)
+        types = _types(self.out.absolute().parent)
+        for path, content in types.items():
+            with replacing(path) as temporary:
+                temporary.write_bytes(content)
+        with replacing(self.out, ".sys") as temporary:
+            temporary.write_text(system_text(self.out.stem, APPLICATION, network(len(arm)), values, ARM))
+        print(printable(f"{self.out}: {len(arm)} joints of {arm.name}, {len(types)} block types beside it"))
+        return 0
+
+
+def _types(folder: Path) -> dict[Path, bytes]:
+    """The files of block types that the folder lacks.
+
+    Raises:
+        ParameterError: it has another type of the same name.
+    """
+    if folder.is_relative_to(LIBRARY.absolute()):
+        return {}
+    missing = {}
+    for name in TYPES:
+        source = next(path for path in sorted(LIBRARY.rglob("*.fbt")) if path.stem == name)
+        target = folder / source.name
+        if not target.exists():
+            missing[target] = source.read_bytes()
+        elif target.read_bytes() != source.read_bytes():
+            raise ParameterError(f"{target}: expected the block type of {source}: take another folder, or remove it")
+    return missing

@@ -1,0 +1,228 @@
+"""The application of function blocks that controls a serial arm: one CHAIN_JOINT for each joint.
+
+    ARM --> SEQUENCE --> JOINT_1 --> ... --> JOINT_n          outward: the desired motion of every link
+                         JOINT_1 <-- ... <-- JOINT_n          inward: forces, torques and commands
+                            +--> ARM, and STOP, which watches errors and speeds
+
+One event runs through it for every sample. The network depends on the number of joints alone; everything else about
+an arm and its task are values of inputs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from dtwin.arm.chain import Arm, Array, aligned
+from dtwin.arm.poses import MOST, Poses
+from dtwin.controller.ports import BLOCKS
+from dtwin.errors import ModelError
+from iec61499 import model
+from iec61499.net.wire import Signature
+from iec61499.types import LREAL
+
+ARM: Final = "ARM"
+"""Name of the block that talks with the arm."""
+SEQUENCE: Final = "SEQUENCE"
+STOP: Final = "STOP"
+SWITCH: Final = "STOPPED"
+VERDICT: Final = "VERDICT"
+PORT: Final = 61500
+"""Port of the block ARM."""
+VERDICT_PORT: Final = 61506
+"""Port for verdicts of a monitor, and for releases."""
+APPLICATION: Final = "ARM_CONTROL"
+"""Name of the application in a system."""
+LIBRARY: Final = BLOCKS
+"""Folder of the block types."""
+_SHARED: Final = ("INDEX", "ELAPSED", "T", "RATE", "CHANGE", "OFF")
+"""What SEQUENCE tells every joint."""
+_XYZ: Final = ("X", "Y", "Z")
+_OUTWARD: Final = tuple(f"{what}{x}" for what in "WOA" for x in _XYZ)
+_INWARD: Final = tuple(f"{what}{x}" for what in "FN" for x in _XYZ)
+_COLUMN: Final = 3000.0
+"""From one drawn block to the next, in the units of 4diac IDE."""
+
+
+@dataclass(frozen=True, slots=True)
+class Control:
+    """How an arm is controlled.
+
+    Attributes:
+        pole: triple pole of the errors of every joint, rad/s.
+        observer: double pole of the observers, rad/s.
+        delay: time from a sample until its command acts that the blocks reckon with, s.
+        following: largest distance of a joint from its path, rad or m, beyond which the arm is stopped.
+    """
+
+    pole: float = 13.7
+    observer: float = 100.0
+    delay: float = 0.0
+    following: float = 0.5
+
+    @property
+    def gains(self) -> tuple[float, float, float]:
+        """KP (1/s^2), KI (1/s^3) and KD (1/s) of the triple pole."""
+        return 3.0 * self.pole**2, self.pole**3, 3.0 * self.pole
+
+
+def joint_name(number: int) -> str:
+    """Name of the block of a joint, counted from 0."""
+    return f"JOINT_{number + 1}"
+
+
+def signature(joints: int) -> Signature:
+    """Layout of the messages to ARM, positions, and of its answers, commands."""
+    return Signature([LREAL] * joints)
+
+
+def network(joints: int) -> model.FBNetwork:
+    """The network of an arm with that many joints, without values; ports are those of the library."""
+    names = [joint_name(k) for k in range(joints)]
+    blocks = [
+        _server(ARM, f"SERVER_{joints}_{joints}", PORT, "The arm: positions in, commands out", 0.0, 200.0),
+        model.Block(SEQUENCE, "POSE_SEQUENCE", x=_COLUMN, y=200.0, comment="Which pose comes next, and when"),
+        *(
+            model.Block(name, "CHAIN_JOINT", x=_COLUMN * (k + 2), y=200.0, comment=f"Joint {k + 1} and its link")
+            for k, name in enumerate(names)
+        ),
+        model.Block(SWITCH, "E_SWITCH", x=0.0, y=3000.0, comment="Whether the arm moves or stands under supervision"),
+        model.Block(STOP, "SAFE_STOP", x=1500.0, y=3000.0, comment="Stops the arm when it leaves its path"),
+        _server(VERDICT, "SERVER_1_3", VERDICT_PORT, "Verdicts of a monitor, and releases", 0.0, 4500.0),
+    ]
+    return model.FBNetwork(tuple(blocks), (), tuple(_events(names)), tuple(_data(names)))
+
+
+def _server(name: str, kind: str, port: int, comment: str, x: float, y: float) -> model.Block:
+    given = (model.Parameter("QI", "TRUE"), model.Parameter("ID", f'"localhost:{port}"'))
+    return model.Block(name, kind, given, x, y, comment)
+
+
+def _events(names: list[str]) -> Iterator[model.Connection]:
+    first, last = names[0], names[-1]
+    chain = [f"{ARM}.INITO", f"{SEQUENCE}.INIT", f"{SEQUENCE}.INITO"]
+    chain += [end for name in names for end in (f"{name}.INIT", f"{name}.INITO")]
+    chain += [f"{STOP}.INIT", f"{STOP}.INITO", f"{VERDICT}.INIT"]
+    chain = [*chain, f"{ARM}.IND", f"{SEQUENCE}.REQ", f"{SEQUENCE}.TARGET"]
+    chain += [end for name in names for end in (f"{name}.TARGET", f"{name}.TARGETO")]
+    chain += [f"{SEQUENCE}.TIMED", f"{SEQUENCE}.CNF"]
+    chain += [end for name in names for end in (f"{name}.OUTWARD", f"{name}.OUTWARDO")]
+    chain += [end for name in names[::-1] for end in (f"{name}.INWARD", f"{name}.INWARDO")]
+    chain += [f"{ARM}.RSP"]
+    for source, destination in zip(chain[::2], chain[1::2], strict=True):
+        yield model.Connection(source, destination)
+    for source, destination in (
+        (f"{first}.INWARDO", f"{SWITCH}.EI"),
+        (f"{SWITCH}.EO0", f"{STOP}.CHECK"),
+        (f"{SWITCH}.EO1", f"{STOP}.REQ"),
+        (f"{STOP}.HALT", f"{SEQUENCE}.HALT"),
+        (f"{VERDICT}.IND", f"{STOP}.VERDICT"),
+        (f"{STOP}.ANSWER", f"{VERDICT}.RSP"),
+    ):
+        yield model.Connection(source, destination)
+    assert last == names[-1]
+
+
+def _data(names: list[str]) -> Iterator[model.Connection]:
+    for k, name in enumerate(names):
+        yield model.Connection(f"{ARM}.RD_{k + 1}", f"{name}.POSITION")
+        yield model.Connection(f"{name}.COMMAND", f"{ARM}.SD_{k + 1}")
+        for shared in _SHARED:
+            yield model.Connection(f"{SEQUENCE}.{shared}", f"{name}.{shared}")
+    for before, name in zip(names, names[1:], strict=False):
+        for value in _OUTWARD:
+            yield model.Connection(f"{before}.{value}_O", f"{name}.{value}")
+        for value in _INWARD:
+            yield model.Connection(f"{name}.{value}_O", f"{before}.{value}")
+        yield model.Connection(f"{before}.NEEDED", f"{name}.LONGEST")
+        yield model.Connection(f"{before}.FOLLOWING", f"{name}.FOLLOWING_IN")
+        yield model.Connection(f"{before}.FASTEST", f"{name}.FASTEST_IN")
+    last = names[-1]
+    for source, destination in (
+        (f"{last}.NEEDED", f"{SEQUENCE}.NEEDED"),
+        (f"{SEQUENCE}.STANDING", f"{SWITCH}.G"),
+        (f"{STOP}.STOP", f"{SEQUENCE}.STOP"),
+        (f"{last}.FOLLOWING", f"{STOP}.FOLLOWING"),
+        (f"{last}.FOLLOWING", f"{STOP}.AWAY"),
+        (f"{last}.FASTEST", f"{STOP}.SPEED"),
+        (f"{VERDICT}.RD_1", f"{STOP}.STATE"),
+        (f"{VERDICT}.RD_2", f"{STOP}.CONFIDENCE"),
+        (f"{VERDICT}.RD_3", f"{STOP}.RELEASE"),
+        (f"{STOP}.STOP", f"{VERDICT}.SD_1"),
+    ):
+        yield model.Connection(source, destination)
+
+
+def inputs(arm: Arm, inertia: Array, control: Control, poses: Poses | None) -> dict[str, Any]:
+    """The values of all inputs that an arm and its task give, by `BLOCK.INPUT`.
+
+    Args:
+        arm: the arm; drives, speeds and accelerations must be known.
+        inertia: usual inertia of every joint with all that it carries, (n,), kg m^2.
+        control: how it is controlled.
+        poses: what it has to do; None to stay where it is.
+
+    Raises:
+        ModelError: something of the arm is not known; names it.
+    """
+    values: dict[str, Any] = {
+        f"{SEQUENCE}.TS": arm.period,
+        f"{SEQUENCE}.COUNT": 0 if poses is None else len(poses.positions),
+        f"{SEQUENCE}.AGAIN": poses is not None and poses.again,
+        f"{SEQUENCE}.DWELL": 0.0 if poses is None else float(poses.dwell),
+        f"{STOP}.FOLLOWING_LIMIT": control.following,
+        f"{STOP}.SPEED_LIMIT": 2.0 * max(joint.speed for joint in arm.joints),
+    }
+    chain = aligned(arm)
+    for k in range(len(arm)):
+        positions = np.zeros(0) if poses is None else poses.positions[:, k]
+        padded = np.concatenate([positions, np.zeros(MOST - len(positions))])
+        own = {"POSES": [float(x) for x in padded], **_link(chain, k), **_drive(arm, k, float(inertia[k]))}
+        own |= dict(zip(("KP", "KI", "KD"), control.gains, strict=True))
+        own |= {"BANDWIDTH": control.observer, "DELAY": control.delay, "TS": arm.period}
+        if not k:
+            own |= {f"A{x}": float(-g) for x, g in zip(_XYZ, arm.gravity, strict=True)}
+        values |= {f"{joint_name(k)}.{name}": value for name, value in own.items()}
+    return values
+
+
+def _link(chain: Arm, k: int) -> dict[str, Any]:
+    joint, link = chain.joints[k], chain.links[k]
+    mass, *rest = (float(x) for x in link.parameters)
+    values: dict[str, Any] = {"SLIDES": not joint.turns, "M": mass}
+    values |= {f"R{i + 1}{j + 1}": float(joint.rotation[i, j]) for i in range(3) for j in range(3)}
+    values |= {f"P{x}": float(p) for x, p in zip(_XYZ, joint.translation, strict=True)}
+    values |= {f"H{x}": h for x, h in zip(_XYZ, rest[:3], strict=True)}
+    values |= dict(zip(("JXX", "JXY", "JYY", "JXZ", "JYZ", "JZZ"), rest[3:], strict=True))
+    if k == len(chain) - 1:
+        values |= {f"L{x}": float(p) for x, p in zip(_XYZ, chain.tool, strict=True)}
+    return values
+
+
+def _drive(arm: Arm, k: int, inertia: float) -> dict[str, Any]:
+    joint = arm.joints[k]
+    actuator, friction = joint.actuator, joint.friction
+    if actuator.constant is None or actuator.commanded == "position":
+        raise ModelError(
+            f"arm {arm.name}: joints.{joint.name}: expected a drive commanded in V, N m or A, with its constant"
+        )
+    for name in ("speed", "acceleration"):
+        if not np.isfinite(getattr(joint, name)):
+            raise ModelError(f"arm {arm.name}: joints.{joint.name}: expected {name}")
+    wide = 1.0e9
+    return {
+        "TORQUE_CONSTANT": actuator.constant,
+        "LARGEST": min(actuator.limit, joint.effort / abs(actuator.constant), wide),
+        "ROTOR": actuator.rotor or 0.0,
+        "VISCOUS": friction.viscous,
+        "COULOMB": friction.coulomb,
+        "SHARE": friction.load,
+        "INERTIA": inertia,
+        "SPEED": joint.speed,
+        "ACCELERATION": joint.acceleration,
+        "LOWER": max(joint.lower, -wide),
+        "UPPER": min(joint.upper, wide),
+    }

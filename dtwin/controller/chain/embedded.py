@@ -1,0 +1,86 @@
+"""The controller of any serial arm in this process; the control law itself is in the function blocks alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dtwin.arm.chain import Array
+from dtwin.controller.chain.application import ARM, LIBRARY, SEQUENCE, STOP, joint_name, network
+from dtwin.controller.runtime import Blocks, running
+from iec61499 import model
+from iec61499.library import Library
+
+
+class ChainController:
+    """The application of an arm of n joints, stepped by calls.
+
+    Args:
+        joints: the number of joints n.
+        values: values of the inputs of its blocks (application.inputs).
+        blocks: folder of the block library.
+
+    Attributes:
+        resource: the running application, whose variables can be read and written between steps.
+
+    Raises:
+        FunctionBlockError: the library cannot be used, or a value is not of its input's type.
+        NativeError: machine code is asked for and cannot be made here.
+    """
+
+    def __init__(self, joints: int, values: Mapping[str, Any], blocks: Path = LIBRARY) -> None:
+        self.resource: Blocks = running(_started(network(joints)), _library(blocks, Library([blocks]).stamp()))
+        for name, value in values.items():
+            self.resource.write(name, value)
+        server = self.resource.server(ARM)
+        self.resource.start()
+        self._exchange = server.exchange
+        names = [joint_name(k) for k in range(joints)]
+        self._desired = [self.resource.reader((f"{name}.PATH.Q_D", f"{name}.PATH.QD_D")) for name in names]
+        self._sequence = self.resource.reader((f"{SEQUENCE}.INDEX", f"{SEQUENCE}.DONE"))
+        self._stop = self.resource.reader((f"{STOP}.STOP",))
+
+    def step(self, positions: Sequence[float]) -> tuple[float, ...]:
+        """The commands that answer a sample of the positions, both (n,), in the units of the drives.
+
+        Raises:
+            FunctionBlockError: a block failed. CommunicationError: the application did not answer.
+        """
+        return self._exchange(positions)
+
+    def desired(self) -> tuple[Array, Array]:
+        """Desired positions and velocities at the last sample, (n,) each."""
+        both = np.array([read() for read in self._desired])
+        return both[:, 0], both[:, 1]
+
+    @property
+    def done(self) -> bool:
+        """Whether all poses have been reached and nothing follows."""
+        return bool(self._sequence()[1])
+
+    @property
+    def pose(self) -> int:
+        """Number of the pose to which the arm goes, from 0."""
+        return int(self._sequence()[0])
+
+    @property
+    def stop(self) -> int:
+        """The stop in force: 0 none, 1 braking, 2 standstill, 3 torque off."""
+        return int(self._stop()[0])
+
+
+@lru_cache(maxsize=4)
+def _library(blocks: Path, stamp: tuple[tuple[str, int, int], ...]) -> Library:
+    """The library, read anew when a file of it has changed."""
+    return Library([blocks])
+
+
+def _started(drawn: model.FBNetwork) -> model.FBNetwork:
+    """The network with what starts it on a resource."""
+    begins = tuple(model.Connection(f"START.{name}", f"{ARM}.INIT") for name in ("COLD", "WARM"))
+    start = model.Block("START", "E_RESTART")
+    return model.FBNetwork((start, *drawn.blocks), (), (*begins, *drawn.events), drawn.data)

@@ -1,0 +1,181 @@
+"""A headless run of any serial arm under its function blocks: from pose to pose, as fast as the machine allows."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from dtwin.arm.chain import Arm, Array, Commanded
+from dtwin.arm.poses import Poses
+from dtwin.controller.chain.application import Control, inputs
+from dtwin.controller.chain.embedded import ChainController
+from dtwin.emulation.chain.machine import Machine
+from dtwin.emulation.chain.plant import ChainPlant
+from dtwin.equations.rigid import usual_inertia
+from dtwin.files import LOG, replacing
+from dtwin.measurements.measurement import Measurement
+
+EFFORTS: Final[dict[Commanded, str]] = {"torque": "torque", "current": "current", "voltage": "voltage"}
+"""Names of the columns with the commands."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ChainSettings:
+    """A run.
+
+    Attributes:
+        arm: the arm as its controller knows it.
+        machine: what it really is.
+        poses: what it does.
+        control: how it is controlled.
+        duration: longest plant time, s; the run ends earlier when all poses have been reached.
+        seed: number of the generator of noise.
+        late: ticks from a command until it acts.
+        start: positions at the beginning, (n,); None for the first pose.
+    """
+
+    arm: Arm
+    machine: Machine
+    poses: Poses
+    control: Control = field(default_factory=Control)
+    duration: float = 60.0
+    seed: int = 0
+    late: int = 0
+    start: Array | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ChainRun:
+    """What happened, a row for each tick.
+
+    Attributes:
+        settings: the run.
+        t: times of the samples, (N,), s.
+        q: what the encoders read, (N, n).
+        target: desired positions, (N, n).
+        command: commands, (N, n), in the units of the drives.
+        true: true positions, (N, n).
+        pose: number of the pose to which the arm went, (N,).
+        stop: the safe stop in force at the end, 0 if none.
+        seconds: wall time, s.
+    """
+
+    settings: ChainSettings
+    t: Array
+    q: Array
+    target: Array
+    command: Array
+    true: Array
+    pose: Array
+    stop: int
+    seconds: float
+
+    @property
+    def error(self) -> Array:
+        """How far the arm is from its path, (N, n), rad or m."""
+        return self.target - self.true
+
+    @property
+    def saturated(self) -> Array:
+        """Ticks in which the drive of each joint was at its limit, (n,)."""
+        limits = np.array([joint.largest / abs(joint.actuator.constant or 1.0) for joint in self.settings.arm.joints])
+        ticks: Array = np.sum(np.abs(self.command) >= limits * (1.0 - 1e-12), axis=0)
+        return ticks
+
+    @property
+    def beyond(self) -> Array:
+        """How far each joint went beyond its range, (n,), rad or m."""
+        lower = np.array([joint.lower for joint in self.settings.arm.joints])
+        upper = np.array([joint.upper for joint in self.settings.arm.joints])
+        far: Array = np.maximum(0.0, np.maximum(lower - self.true, self.true - upper).max(axis=0))
+        return far
+
+    def measurement(self) -> Measurement:
+        """What a log of the run tells: positions, commands as effort, desired positions."""
+        arm = self.settings.arm
+        commanded = arm.joints[0].actuator.commanded
+        return Measurement(
+            source=f"run of {arm.name}",
+            joints=tuple(joint.name for joint in arm.joints),
+            t=self.t,
+            q=self.q,
+            effort=self.command,
+            kind=None if commanded == "position" else commanded,
+            command=self.target,
+        )
+
+    def save(self, path: Path) -> None:
+        """Writes a Parquet log: t, q_J, target_J, and torque_J, current_J or voltage_J for every joint J from 1.
+
+        Raises:
+            RecordingError: it cannot be written.
+        """
+        arm = self.settings.arm
+        columns: dict[str, Array] = {"t": self.t}
+        for name, values in (("q", self.q), ("target", self.target)):
+            columns |= {f"{name}_{k + 1}": values[:, k] for k in range(len(arm))}
+        for k, joint in enumerate(arm.joints):
+            columns[f"{EFFORTS.get(joint.actuator.commanded, 'command')}_{k + 1}"] = self.command[:, k]
+        facts = {"arm": arm.name, "machine": self.settings.machine.name, "seed": str(self.settings.seed)}
+        table = pa.table({name: pa.array(values) for name, values in columns.items()}).replace_schema_metadata(facts)
+        with replacing(path, LOG) as temporary:
+            pq.write_table(table, temporary)
+
+    def score(self) -> dict[str, Any]:
+        """The figures of the run, SI units."""
+        return {
+            "arm": self.settings.arm.name,
+            "machine": self.settings.machine.name,
+            "duration": float(self.t[-1] + self.settings.arm.period) if len(self.t) else 0.0,
+            "wall_seconds": self.seconds,
+            "joints": [joint.name for joint in self.settings.arm.joints],
+            "tracking_error_max": np.abs(self.error).max(axis=0).tolist(),
+            "tracking_error_rms": np.sqrt(np.mean(self.error**2, axis=0)).tolist(),
+            "saturated_ticks": self.saturated.astype(int).tolist(),
+            "beyond_range": self.beyond.tolist(),
+            "poses_reached": len(np.unique(self.pose)),
+            "stop": self.stop,
+        }
+
+
+def run(settings: ChainSettings, between: Callable[[int], bool] | None = None) -> ChainRun:
+    """Runs an arm.
+
+    Args:
+        settings: the run.
+        between: is called between two ticks with the number of ticks done; False ends the run.
+
+    Raises:
+        ModelError: something of the arm is not known that its controller needs.
+        DivergenceError: the emulation left the finite numbers.
+    """
+    began = time.perf_counter()
+    arm = settings.arm
+    values = inputs(arm, usual_inertia(arm), settings.control, settings.poses)
+    controller = ChainController(len(arm), values)
+    start = settings.poses.positions[0] if settings.start is None else settings.start
+    plant = ChainPlant(settings.machine, start, settings.seed, settings.late)
+    ticks = max(1, round(settings.duration / arm.period))
+    rows = np.zeros((4, ticks, len(arm)))
+    poses = np.zeros(ticks)
+    done = 0
+    while done < ticks and not controller.done and (between is None or between(done)):
+        q = plant.read()
+        command = controller.step(q.tolist())
+        rows[0, done], rows[1, done] = q, controller.desired()[0]
+        rows[2, done], rows[3, done] = command, plant.state[0]
+        poses[done] = controller.pose
+        plant.apply(command)
+        plant.advance()
+        done += 1
+    q, target, command_rows, true = rows[:, :done]
+    t = np.arange(done) * arm.period
+    seconds = time.perf_counter() - began
+    return ChainRun(settings, t, q, target, command_rows, true, poses[:done], controller.stop, seconds)
