@@ -1,0 +1,55 @@
+"""The application of an arm of six joints on a real 4diac FORTE and on the embedded device: equal bits."""
+
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dtwin.arm.poses import Poses, drawn_poses, poses_text
+from dtwin.cli import main
+from dtwin.controller.chain.application import PORT, VERDICT_PORT, Control, inputs, signature
+from dtwin.controller.chain.embedded import ChainController
+from dtwin.emulation.chain.arms import arm_of
+from dtwin.emulation.chain.machine import machine_of
+from dtwin.emulation.chain.plant import ChainPlant
+from dtwin.equations.rigid import usual_inertia
+from iec61499.deploy.build import deploy, suited
+from iec61499.deploy.plan import plan_deployment
+from iec61499.library import Library
+from iec61499.management.client import ManagementClient
+from iec61499.mapping import device_network
+from iec61499.net.address import LOOPBACK, Address
+from iec61499.net.client import BlockingClient
+from tests.support.devices import PATIENCE, embedded
+from tests.support.forte import FORTES, forte
+from tests.support.ports import free_ports
+from tests.support.waiting import connected
+
+SECONDS = 20.0
+
+
+@pytest.mark.parametrize("device", [pytest.param("embedded", id="embedded"), *FORTES])
+def test_an_arm_of_six_joints_has_the_same_commands(device: str, tmp_path: Path) -> None:
+    arm = arm_of("six-axis")
+    poses = Poses(drawn_poses(arm, 4, np.random.default_rng(5)).positions, 0.1, True)
+    (tmp_path / "poses.toml").write_text(poses_text(poses))
+    assert main(["fb", "make", "six-axis", str(tmp_path / "arm.sys"), "--poses", str(tmp_path / "poses.toml")]) == 0
+    library = Library([tmp_path])
+    network = device_network(library.load_system(tmp_path / "arm.sys"))
+    ports = dict(zip((PORT, VERDICT_PORT), free_ports(2), strict=True))
+    with embedded() if device == "embedded" else forte(tmp_path, binary=device) as management:
+        with connected(lambda: ManagementClient(management, PATIENCE)) as client:
+            deploy(client, suited(client, partial(plan_deployment, "EMB_RES", network, library, ports)))
+            address = Address(LOOPBACK, ports[PORT])
+            six = signature(6)
+            with connected(lambda: BlockingClient(address, six, six, PATIENCE)) as remote:
+                controller = ChainController(6, inputs(arm, usual_inertia(arm), Control(), poses))
+                plant = ChainPlant(machine_of("nominal", arm), poses.positions[0])
+                for tick in range(round(SECONDS / arm.period)):
+                    positions = plant.read().tolist()
+                    command = controller.step(positions)
+                    assert remote.exchange(positions) == command, f"tick {tick}"
+                    plant.apply(command)
+                    plant.advance()
+    assert controller.pose > 0
