@@ -1,4 +1,4 @@
-"""Arms as files: `arms/NAME.toml` beside its model, or any other TOML file of the same form; docs/arms.md explains it.
+"""Arms as files: `arms/NAME.toml` beside its model, or any other TOML file of the same form (docs/arms.md).
 
 model = "six-axis.xml"     # MJCF or URDF, beside this file
 tip = "wrist_3"            # last body or link of the chain; the end of the longest chain without it
@@ -84,7 +84,7 @@ class ArmFile:
     period: float = 0.01
     tool: tuple[float, float, float] | None = None
     joints: Mapping[str, Mapping[str, float | str]] = field(default_factory=dict)
-    tolerances: Tolerances = Tolerances()
+    tolerances: Tolerances = field(default_factory=Tolerances)
     payload: float | None = None
 
 

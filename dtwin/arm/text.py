@@ -29,7 +29,7 @@ def imported(chain: Arm, model: str, tip: str | None) -> str:
 
 _TOLERANCES = (
     "[tolerances]                   # standard deviations: relative, centre in m, noise in rad",
-    "# add constant, mass, inertia, friction, centre and noise where they are known; without them the usual ones hold",
+    "# add constant, mass, inertia, friction, centre, noise where they are known; without them the usual ones hold",
     "",
     "# add [gripper] with payload (kg) if something holds a load",
 )

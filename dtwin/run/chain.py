@@ -167,15 +167,15 @@ def run(settings: ChainSettings, between: Callable[[int], bool] | None = None) -
     poses = np.zeros(ticks)
     done = 0
     while done < ticks and not controller.done and (between is None or between(done)):
-        q = plant.read()
-        command = controller.step(q.tolist())
-        rows[0, done], rows[1, done] = q, controller.desired()[0]
+        read = plant.read()
+        command = controller.step(read.tolist())
+        rows[0, done], rows[1, done] = read, controller.desired()[0]
         rows[2, done], rows[3, done] = command, plant.state[0]
         poses[done] = controller.pose
         plant.apply(command)
         plant.advance()
         done += 1
-    q, target, command_rows, true = rows[:, :done]
     t = np.arange(done) * arm.period
     seconds = time.perf_counter() - began
-    return ChainRun(settings, t, q, target, command_rows, true, poses[:done], controller.stop, seconds)
+    q, target, commands, true = (np.array(row[:done], dtype=np.float64) for row in rows)
+    return ChainRun(settings, t, q, target, commands, true, poses[:done], controller.stop, seconds)

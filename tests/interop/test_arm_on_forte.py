@@ -38,18 +38,18 @@ def test_an_arm_of_six_joints_has_the_same_commands(device: str, tmp_path: Path)
     library = Library([tmp_path])
     network = device_network(library.load_system(tmp_path / "arm.sys"))
     ports = dict(zip((PORT, VERDICT_PORT), free_ports(2), strict=True))
-    with embedded() if device == "embedded" else forte(tmp_path, binary=device) as management:
-        with connected(lambda: ManagementClient(management, PATIENCE)) as client:
-            deploy(client, suited(client, partial(plan_deployment, "EMB_RES", network, library, ports)))
-            address = Address(LOOPBACK, ports[PORT])
-            six = signature(6)
-            with connected(lambda: BlockingClient(address, six, six, PATIENCE)) as remote:
-                controller = ChainController(6, inputs(arm, usual_inertia(arm), Control(), poses))
-                plant = ChainPlant(machine_of("nominal", arm), poses.positions[0])
-                for tick in range(round(SECONDS / arm.period)):
-                    positions = plant.read().tolist()
-                    command = controller.step(positions)
-                    assert remote.exchange(positions) == command, f"tick {tick}"
-                    plant.apply(command)
-                    plant.advance()
+    served = embedded() if device == "embedded" else forte(tmp_path, binary=device)
+    with served as management, connected(lambda: ManagementClient(management, PATIENCE)) as client:
+        deploy(client, suited(client, partial(plan_deployment, "EMB_RES", network, library, ports)))
+        address = Address(LOOPBACK, ports[PORT])
+        six = signature(6)
+        with connected(lambda: BlockingClient(address, six, six, PATIENCE)) as remote:
+            controller = ChainController(6, inputs(arm, usual_inertia(arm), Control(), poses))
+            plant = ChainPlant(machine_of("nominal", arm), poses.positions[0])
+            for tick in range(round(SECONDS / arm.period)):
+                positions = plant.read().tolist()
+                command = controller.step(positions)
+                assert remote.exchange(positions) == command, f"tick {tick}"
+                plant.apply(command)
+                plant.advance()
     assert controller.pose > 0

@@ -13,11 +13,13 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 
 from dtwin.api.cell import finished
 from dtwin.api.run import RunError
+from dtwin.commands.cell.chain import THESIS, run_arm
 from dtwin.commands.hints import viewer_command
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.ports import BLOCKS
 from dtwin.controller.remote import RemoteController
 from dtwin.controller.runtime import RuntimeOption
+from dtwin.errors import ParameterError
 from dtwin.files import LOG, RECORDING, ensure_writable
 from dtwin.parameters import PERIOD
 from dtwin.run.cell import Cell, RunSummary
@@ -53,8 +55,19 @@ class Run(PlantOptions, ControlOptions, RuntimeOption):
     """Print one JSON object on standard output and nothing else."""
     blocks: Path = BLOCKS
     """Folder of the function-block library."""
+    arm: str = THESIS
+    """Another arm, which goes from pose to pose: a name of arms/, its file (*.toml), or a model (*.urdf, *.xml); its
+    --machine is ideal, nominal (as its data sheet) or a number."""
+    poses: Path | None = None
+    """TOML file of the poses that the arm of --arm takes; some that are drawn by --seed if not given."""
+    late: int = 0
+    """Ticks from a command until it acts (--arm)."""
 
     def execute(self) -> int:
+        if self.arm != THESIS:
+            return run_arm(self, _Interruption)
+        if self.poses is not None or self.late:
+            raise ParameterError("--poses and --late: expected --arm with another arm than the thesis's")
         record = self.record or (None if self.json else Path("run.rrd"))
         earlier = record is not None and record.exists()
         for path, ending in ((record, RECORDING), (self.log, LOG)):

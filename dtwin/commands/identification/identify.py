@@ -14,8 +14,9 @@ from rich.console import Console
 from rich.table import Table
 
 from dtwin.api.identification import Identified, Measured, fitted, measured
-from dtwin.arm.urdf import read_urdf
+from dtwin.arm.file import SUFFIX, path_of, read_file
 from dtwin.controller.excitation import ExcitationController
+from dtwin.emulation.chain.arms import arm_of
 from dtwin.emulation.machine.files import machine_of
 from dtwin.errors import ModelError, ParameterError
 from dtwin.files import PICTURE, RECORDING, ensure_writable
@@ -86,8 +87,9 @@ class Identify(MachineOption):
     """Draw motion, intervals and correlation to this PNG file."""
     record: Path | None = None
     """Write motion, intervals and correlation to this .rrd file for the Rerun viewer."""
-    arm: Path | None = None
-    """URDF file of another arm, a serial chain of any number of joints: it is identified from the logs alone."""
+    arm: str | None = None
+    """Another arm, a serial chain of any number of joints: a name of arms/, its file (*.toml), or a model (*.urdf,
+    *.xml). It is identified from the logs alone."""
     tip: str | None = None
     """Last link of the chain (--arm); the end of the longest chain if not given."""
     also: list[Path] = field(default_factory=list)
@@ -134,7 +136,7 @@ class Identify(MachineOption):
             _print(report, found.estimate, "" if kept or self.save is None else self.save)
         return 1 if found.doubts else 0
 
-    def _chain(self, file: Path) -> int:
+    def _chain(self, text: str) -> int:
         """Identifies another arm than the thesis's."""
         from dtwin.commands.identification.chain import report, run, samples_of
 
@@ -143,14 +145,24 @@ class Identify(MachineOption):
         for path, ending in ((self.out, ".toml"), (self.urdf, ".urdf")):
             if path is not None:
                 ensure_writable(path, ending)
-        arm = read_urdf(file, tip=self.tip)
+        arm = arm_of(text, self.tip)
         columns = None if self.columns is None else read_map(self.columns)
         with Console(stderr=True).status("reading") as status:
             samples, masses = samples_of(arm, [self.log, *self.also], self.load, columns)
             status.update("estimating")
-            found = run(arm, samples, masses, self.out, None if self.urdf is None else (file, self.urdf))
+            found = run(arm, samples, masses, self.out, self._template(text))
         report(found, samples, self.json)
         return 0
+
+    def _template(self, text: str) -> tuple[Path, Path] | None:
+        """The URDF file that the bodies are written into, and where to; None where nobody asks for it."""
+        if self.urdf is None:
+            return None
+        path = path_of(text)
+        model = read_file(path).model if path.suffix.lower() == SUFFIX else path
+        if model.suffix.lower() != ".urdf":
+            raise ParameterError(f"--urdf: expected an arm whose model is a URDF file, got {model}")
+        return model, self.urdf
 
     def _settings(self) -> EstimationSettings:
         known = load_arm(self.known) if self.known is not None else None

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
@@ -102,7 +103,6 @@ def _server(name: str, kind: str, port: int, comment: str, x: float, y: float) -
 
 
 def _events(names: list[str]) -> Iterator[model.Connection]:
-    first, last = names[0], names[-1]
     chain = [f"{ARM}.INITO", f"{SEQUENCE}.INIT", f"{SEQUENCE}.INITO"]
     chain += [end for name in names for end in (f"{name}.INIT", f"{name}.INITO")]
     chain += [f"{STOP}.INIT", f"{STOP}.INITO", f"{VERDICT}.INIT"]
@@ -115,7 +115,7 @@ def _events(names: list[str]) -> Iterator[model.Connection]:
     for source, destination in zip(chain[::2], chain[1::2], strict=True):
         yield model.Connection(source, destination)
     for source, destination in (
-        (f"{first}.INWARDO", f"{SWITCH}.EI"),
+        (f"{names[0]}.INWARDO", f"{SWITCH}.EI"),
         (f"{SWITCH}.EO0", f"{STOP}.CHECK"),
         (f"{SWITCH}.EO1", f"{STOP}.REQ"),
         (f"{STOP}.HALT", f"{SEQUENCE}.HALT"),
@@ -123,7 +123,6 @@ def _events(names: list[str]) -> Iterator[model.Connection]:
         (f"{STOP}.ANSWER", f"{VERDICT}.RSP"),
     ):
         yield model.Connection(source, destination)
-    assert last == names[-1]
 
 
 def _data(names: list[str]) -> Iterator[model.Connection]:
@@ -132,7 +131,7 @@ def _data(names: list[str]) -> Iterator[model.Connection]:
         yield model.Connection(f"{name}.COMMAND", f"{ARM}.SD_{k + 1}")
         for shared in _SHARED:
             yield model.Connection(f"{SEQUENCE}.{shared}", f"{name}.{shared}")
-    for before, name in zip(names, names[1:], strict=False):
+    for before, name in pairwise(names):
         for value in _OUTWARD:
             yield model.Connection(f"{before}.{value}_O", f"{name}.{value}")
         for value in _INWARD:

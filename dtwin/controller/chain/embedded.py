@@ -42,7 +42,7 @@ class ChainController:
         names = [joint_name(k) for k in range(joints)]
         self._desired = [self.resource.reader((f"{name}.PATH.Q_D", f"{name}.PATH.QD_D")) for name in names]
         self._sequence = self.resource.reader((f"{SEQUENCE}.INDEX", f"{SEQUENCE}.DONE"))
-        self._stop = self.resource.reader((f"{STOP}.STOP",))
+        self._stop = self.resource.reader((f"{STOP}.STOP", f"{STOP}.COUNT"))
 
     def step(self, positions: Sequence[float]) -> tuple[float, ...]:
         """The commands that answer a sample of the positions, both (n,), in the units of the drives.

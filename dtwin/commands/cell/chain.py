@@ -1,0 +1,130 @@
+"""`dtwin run --arm NAME`: any serial arm from pose to pose."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from dataclasses import MISSING, fields
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
+from dtwin.arm.chain import Arm
+from dtwin.arm.poses import Poses, drawn_poses, read_poses
+from dtwin.controller.chain.application import Control
+from dtwin.emulation.chain.arms import arm_of
+from dtwin.emulation.chain.machine import IDEAL, machine_of
+from dtwin.emulation.generators import check_seed
+from dtwin.errors import ParameterError
+from dtwin.files import LOG, ensure_writable
+from dtwin.run.chain import ChainRun, ChainSettings, run
+from dtwin.terminal import print_json, printable
+
+THESIS: Final = "thesis"
+"""The arm of a run without --arm."""
+KNOWN: Final = frozenset({"arm", "poses", "late", "machine", "seed", "duration", "log", "json", "runtime"})
+"""Options of `dtwin run` that mean something for any arm."""
+_DRAWN: Final = 6
+"""Number of poses that are drawn where none are given."""
+
+
+def refuse_others(options: Any) -> None:
+    """Refuses what means something for the thesis's arm alone.
+
+    Raises:
+        ParameterError: an option was given that has no meaning for another arm.
+    """
+    for field in fields(options):
+        default = field.default_factory() if field.default_factory is not MISSING else field.default
+        if field.name not in KNOWN and getattr(options, field.name) != default:
+            raise ParameterError(f"--{field.name.replace('_', '-')}: has no meaning for the arm of --arm")
+
+
+def poses_for(arm: Arm, file: Path | None, seed: int) -> Poses:
+    """The poses of a file, or some that are drawn from the ranges of the joints, again and again.
+
+    Raises:
+        ParameterError: the file cannot be used.
+    """
+    if file is not None:
+        return read_poses(file, arm)
+    drawn = drawn_poses(arm, _DRAWN, np.random.default_rng(seed))
+    return Poses(drawn.positions, 0.3, True)
+
+
+def run_arm(options: Any, interruption: Callable[[], AbstractContextManager[Any]]) -> int:
+    """Runs the arm of --arm; returns the exit status.
+
+    Args:
+        options: those of `dtwin run`.
+        interruption: turns Ctrl-C into an attribute `requested`.
+    """
+    refuse_others(options)
+    check_seed(options.seed)
+    if not 0 <= options.late <= 10:
+        raise ParameterError(f"--late: expected 0 to 10 ticks, got {options.late}")
+    if not 0.0 < options.duration <= 1e6:
+        raise ParameterError(f"--duration: expected a time above 0 s, got {options.duration}")
+    if options.log is not None:
+        ensure_writable(options.log, LOG)
+    arm = arm_of(options.arm)
+    settings = ChainSettings(
+        arm,
+        machine_of(options.machine or IDEAL, arm),
+        poses_for(arm, options.poses, options.seed),
+        Control(delay=min(options.late, 1) * arm.period),
+        options.duration,
+        options.seed,
+        options.late,
+    )
+    with interruption() as asked, _progress(options) as progress:
+
+        def between(done: int) -> bool:
+            progress.update(progress.task_ids[0], completed=done * arm.period)
+            return not asked.requested
+
+        result = run(settings, between)
+    if options.log is not None:
+        result.save(options.log)
+    if options.json:
+        print_json(result.score())
+    else:
+        _print(result, options.log)
+    return 130 if asked.requested else 0
+
+
+def _progress(options: Any) -> Progress:
+    columns = (TextColumn("running the arm"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
+    progress = Progress(*columns, console=Console(file=sys.stderr), transient=True, disable=options.json)
+    progress.add_task("", total=options.duration)
+    return progress
+
+
+def _print(result: ChainRun, log: Path | None) -> None:
+    score = result.score()
+    unit = {True: "rad", False: "m"}
+    units = [unit[joint.turns] for joint in result.settings.arm.joints]
+    largest, usual = score["tracking_error_max"], score["tracking_error_rms"]
+    lines = {
+        "arm": f"{score['arm']}, machine {score['machine']}",
+        "plant time": f"{score['duration']:g} s in {score['wall_seconds']:.2f} s, "
+        f"{score['duration'] / score['wall_seconds']:.0f} x real time",
+        "poses": f"{score['poses_reached']} of {len(result.settings.poses.positions)} headed for",
+    }
+    for k, name in enumerate(score["joints"]):
+        lines[name] = (
+            f"{largest[k]:.5f} {units[k]} off its path at most, {usual[k]:.5f} {units[k]} rms; "
+            f"{score['saturated_ticks'][k]} ticks at the limit of its drive"
+        )
+        if score["beyond_range"][k] > 0.0:
+            lines[name] += f"; {score['beyond_range'][k]:.5f} {units[k]} beyond its range"
+    if score["stop"]:
+        lines["stop"] = f"safe stop {score['stop']} is in force: a joint left its path"
+    if log is not None:
+        lines["log"] = str(log)
+    for name, text in lines.items():
+        print(printable(f"{name:<16}  {text}"))
