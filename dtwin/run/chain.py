@@ -175,7 +175,7 @@ def run(settings: ChainSettings, between: Callable[[int], bool] | None = None) -
         plant.apply(command)
         plant.advance()
         done += 1
-    t = np.arange(done) * arm.period
+    t: Array = np.arange(done, dtype=np.float64) * arm.period
     seconds = time.perf_counter() - began
     q, target, commands, true = (np.array(row[:done], dtype=np.float64) for row in rows)
     return ChainRun(settings, t, q, target, commands, true, poses[:done], controller.stop, seconds)

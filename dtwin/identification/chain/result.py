@@ -99,7 +99,7 @@ def as_object(found: Identification) -> dict[str, Any]:
         "sources": sorted({rows.source for rows in found.design.rows}),
         "friction": ["basic", *found.groups],
         "held_out": {} if held_out is None else dict(zip(_names(found), held_out.tolist(), strict=True)),
-        "numbers": {row.name: {"value": row.value, "half": row.half, "told": row.told} for row in rows},
+        "numbers": {row.name: {"value": float(row.value), "half": float(row.half), "told": row.told} for row in rows},
         "not_told": [row.name for row in rows if not row.told],
     }
 

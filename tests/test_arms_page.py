@@ -1,0 +1,67 @@
+"""docs/arms.md, walked with what the page says and nothing else."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+from dtwin.arm.file import _JOINT, _TOLERANCES, _TOP
+from dtwin.arm.urdf import read_urdf
+from dtwin.parameters import ROOT
+
+PAGE = (ROOT / "docs" / "arms.md").read_text()
+FILES = {"xml": ("mine.urdf",), "toml": ("mine.toml", "poses.toml")}
+
+
+@pytest.fixture(scope="module")
+def walked(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """The folder in which all blocks of the page were carried out in order, and what was printed."""
+    folder = tmp_path_factory.mktemp("arms")
+    (folder / "scripts").mkdir()
+    for name in ("six-axis", "blocks"):
+        (folder / name).mkdir()
+    dtwin = folder / "scripts" / "dtwin"
+    dtwin.write_text(f'#!/bin/sh\nPYTHONPATH={ROOT} exec {sys.executable} -m dtwin "$@"\n')
+    dtwin.chmod(0o755)
+    printed = ""
+    waiting = {language: list(names) for language, names in FILES.items()}
+    for language, text in re.findall(r"```(\w+)\n(.*?)```", PAGE, re.DOTALL):
+        if language in waiting:
+            (folder / waiting[language].pop(0)).write_text(text)
+        elif language == "sh":
+            command = ["bash", "-e", "-c", text.replace("--duration 120", "--duration 40")]
+            done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300)
+            assert done.returncode == 0, done.stdout + done.stderr
+            printed += done.stdout
+    assert not any(waiting.values())
+    return folder, printed
+
+
+def test_the_page_leads_from_a_urdf_to_an_identified_arm(walked: tuple[Path, str]) -> None:
+    folder, printed = walked
+    assert "add joints.turn.acceleration" in printed
+    assert "it can be driven" in printed
+    assert re.search(r"turn +0\.0\d+ rad off its path at most", printed)
+    found = msgspec.toml.decode((folder / "found.toml").read_bytes())
+    assert found
+    before, after = read_urdf(folder / "mine.urdf"), read_urdf(folder / "found.urdf")
+    assert [link.name for link in after.links] == [link.name for link in before.links]
+    assert not np.allclose(before.parameters, after.parameters)
+
+
+def test_the_blocks_of_the_page_are_there(walked: tuple[Path, str]) -> None:
+    folder, printed = walked
+    assert "problems: 0" in printed
+    assert (folder / "boot" / "FORTE_PC.fboot").stat().st_size > 10_000
+    assert (folder / "six-axis" / "six-axis.sys").exists()
+
+
+def test_the_page_names_all_keys() -> None:
+    shown = re.findall(r"```toml\n(.*?)```|`([^`\n]+)`", PAGE, re.DOTALL)
+    code = " ".join(block + word for block, word in shown)
+    for key in (*_TOP, *_JOINT, *_TOLERANCES, "commanded", "payload"):
+        assert re.search(rf"\b{key}\b", code), key
