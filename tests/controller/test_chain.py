@@ -6,44 +6,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dtwin.arm.chain import Actuator, Arm, Friction, Joint, Link
+from dtwin.arm.chain import Actuator, Arm, Link
 from dtwin.arm.poses import Poses
 from dtwin.controller.chain.application import Control, inputs, joint_name
 from dtwin.controller.chain.embedded import ChainController
 from dtwin.controller.runtime import Runtime, chosen
 from dtwin.equations.rigid import inverse_dynamics, usual_inertia
 from dtwin.errors import ModelError
+from tests.support.chains import driven_arm
 
 NOWHERE = Control(following=1e9)
-
-
-def drawn_arm(joints: int, seed: int) -> Arm:
-    """An arm of joints of both kinds with axes and frames that nothing simplifies."""
-    generator = np.random.default_rng(seed)
-    made, links = [], []
-    for k in range(joints):
-        rotation = np.linalg.qr(generator.normal(size=(3, 3)))[0]
-        rotation *= np.sign(np.linalg.det(rotation))
-        axis = generator.normal(size=3)
-        root = 0.1 * generator.normal(size=(3, 3))
-        made.append(
-            Joint(
-                f"j{k}",
-                "prismatic" if k % 3 == 2 else "revolute",
-                axis / np.linalg.norm(axis),
-                rotation,
-                0.4 * generator.normal(size=3),
-                lower=-2.0,
-                upper=2.0,
-                speed=1.0 + k,
-                acceleration=4.0 + k,
-                actuator=Actuator("voltage", 0.5 + k, rotor=0.1),
-                friction=Friction(0.2, 0.3, 0.05),
-            )
-        )
-        inertia = root @ root.T
-        links.append(Link(f"l{k}", 1.0 + k, 0.2 * generator.normal(size=3), np.trace(inertia) * np.eye(3) - inertia))
-    return Arm("drawn", tuple(made), tuple(links), np.array([0.3, -0.2, -9.0]), tool=np.array([0.1, 0.2, 0.3]))
 
 
 def controller(arm: Arm, poses: Poses | None, control: Control = NOWHERE, load: float = 0.0) -> ChainController:
@@ -57,7 +29,7 @@ def gathered(blocks: ChainController, joints: int, variable: str) -> np.ndarray:
 
 @pytest.mark.parametrize("joints", [1, 4, 7])
 def test_links_give_the_torques_of_the_equations(joints: int) -> None:
-    arm = drawn_arm(joints, joints)
+    arm = driven_arm(joints, joints)
     poses = Poses(np.random.default_rng(3).uniform(-1.5, 1.5, (3, joints)), 0.0, True)
     load = 0.7
     blocks = controller(arm, poses, load=load)
@@ -73,7 +45,7 @@ def test_links_give_the_torques_of_the_equations(joints: int) -> None:
 
 
 def test_paths_keep_speed_and_acceleration_and_arrive_together() -> None:
-    arm = drawn_arm(3, 1)
+    arm = driven_arm(3, 1)
     goals = np.array([[0.0, 0.0, 0.0], [1.5, 0.1, -0.3], [-1.9, 1.9, 3.0]])
     blocks = controller(arm, Poses(goals, 0.05))
     positions, rows = [0.0] * 3, []
@@ -93,7 +65,7 @@ def test_paths_keep_speed_and_acceleration_and_arrive_together() -> None:
 
 
 def test_a_joint_that_leaves_its_path_stops_the_arm_along_the_path() -> None:
-    arm = drawn_arm(3, 1)
+    arm = driven_arm(3, 1)
     blocks = controller(arm, Poses(np.array([[0.0, 0.0, 0.0], [1.5, 1.0, -0.5]]), 0.0, True), Control(following=0.2))
     positions = np.zeros(3)
     desired = []
@@ -112,7 +84,7 @@ def test_a_joint_that_leaves_its_path_stops_the_arm_along_the_path() -> None:
 
 
 def test_without_torque_the_commands_are_zero_and_the_way_begins_anew_after_the_release() -> None:
-    arm = drawn_arm(2, 4)
+    arm = driven_arm(2, 4)
     goals = np.array([[0.0, 0.0], [1.0, -1.0]])
     blocks = controller(arm, Poses(goals, 0.0, True), Control(following=0.2))
     verdict = blocks.resource.server("VERDICT")
@@ -135,7 +107,7 @@ def test_without_torque_the_commands_are_zero_and_the_way_begins_anew_after_the_
 
 
 def test_both_runtimes_give_the_same_bits() -> None:
-    arm = drawn_arm(4, 2)
+    arm = driven_arm(4, 2)
     poses = Poses(np.random.default_rng(3).uniform(-1.5, 1.5, (3, 4)), 0.1, True)
     answers = []
     runtimes: tuple[Runtime, ...] = ("python", "native")
@@ -156,7 +128,7 @@ def test_both_runtimes_give_the_same_bits() -> None:
     ],
 )
 def test_an_arm_that_is_not_known_enough_is_refused(joint: dict[str, Any], words: str) -> None:
-    arm = drawn_arm(2, 4)
+    arm = driven_arm(2, 4)
     arm = replace(arm, joints=(replace(arm.joints[0], **joint), arm.joints[1]))
     with pytest.raises(ModelError, match=words):
         inputs(arm, np.ones(2), Control(), None)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dtwin.arm.chain import Arm
+from dtwin.arm.chain import Actuator, Arm, Friction, Joint, Link
 from dtwin.arm.urdf import read_urdf
 from dtwin.equations.rigid import regressor
 from dtwin.measurements.measurement import Measurement
@@ -90,3 +90,32 @@ def csv_of(measurement: Measurement) -> list[list[str]]:
     assert measurement.effort is not None
     columns = np.column_stack([measurement.t, measurement.q, measurement.v, measurement.effort])
     return [head, *([f"{value:.6f}" for value in row] for row in columns)]
+
+
+def driven_arm(joints: int, seed: int) -> Arm:
+    """An arm of joints of both kinds, with drives, whose axes and frames nothing simplifies."""
+    generator = np.random.default_rng(seed)
+    made, links = [], []
+    for k in range(joints):
+        rotation = np.linalg.qr(generator.normal(size=(3, 3)))[0]
+        rotation *= np.sign(np.linalg.det(rotation))
+        axis = generator.normal(size=3)
+        root = 0.1 * generator.normal(size=(3, 3))
+        made.append(
+            Joint(
+                f"j{k}",
+                "prismatic" if k % 3 == 2 else "revolute",
+                axis / np.linalg.norm(axis),
+                rotation,
+                0.4 * generator.normal(size=3),
+                lower=-2.0,
+                upper=2.0,
+                speed=1.0 + k,
+                acceleration=4.0 + k,
+                actuator=Actuator("voltage", 0.5 + k, rotor=0.1),
+                friction=Friction(0.2, 0.3, 0.05),
+            )
+        )
+        inertia = root @ root.T
+        links.append(Link(f"l{k}", 1.0 + k, 0.2 * generator.normal(size=3), np.trace(inertia) * np.eye(3) - inertia))
+    return Arm("drawn", tuple(made), tuple(links), np.array([0.3, -0.2, -9.0]), tool=np.array([0.1, 0.2, 0.3]))
