@@ -27,10 +27,7 @@ from dtwin.parameters import ROOT
 from dtwin.services.runfile import join
 from tests.support.ai import in_a_loop, place, serving, talk
 from tests.support.desk import Desk, busy_cell, new_desk
-from tests.support.waiting import until
 
-KNOWN = 2000
-"""Number of ticks after which the monitor knows the healthy arm."""
 PATIENT = 120.0
 """Plant time in which a fault is found, s."""
 
@@ -148,7 +145,7 @@ def test_one_that_acts_keeps_to_its_limits(bus: Bus, tmp_path: Path) -> None:
 def test_a_script_finds_a_fault_and_proposes_the_cure_which_a_person_approves(
     cell: Desk, bus: Bus, tmp_path: Path
 ) -> None:
-    until(lambda: cell.tick() > KNOWN, "the monitor knows the arm", 60.0)
+    cell.until_watched()
     before = bus.ask(SETTINGS, None, SettingsInForce)
     cell.run("fault", "inject", "bias2+=0.05")
 

@@ -11,15 +11,13 @@ from dtwin.services.runfile import join
 from tests.support.desk import Desk, busy_cell
 from tests.support.waiting import until
 
-KNOWN = 2000
-"""Number of ticks after which the monitor knows the healthy arm."""
 ALL = ("--monitoring", "--identification", "--simulation", "--noise", "0.002", "--seed", "2", "--pace", "lockstep")
 
 
 def started(desk: Desk, mode: str) -> None:
     files = ("--history", str(desk.folder / "history.jsonl"), "--store", str(desk.folder / "store"))
     desk.detach(*ALL, "--recovery", mode, *busy_cell(desk.folder), *files)
-    until(lambda: desk.tick() > KNOWN, "the monitor knows the arm", 60.0)
+    desk.until_watched()
 
 
 def proposals(bus: Bus) -> tuple[Proposal, ...]:

@@ -14,9 +14,10 @@ from typing import Any, Final
 import msgspec
 import pytest
 
-from dtwin.bus.messages import LATCH, SUMMARY, LatchState, Summary
+from dtwin.bus.messages import LATCH, MONITORING, SUMMARY, LatchState, Summary
 from dtwin.bus.opening import open_peer
 from dtwin.bus.session import Bus
+from dtwin.bus.twin_messages import MonitoringVerdict
 from dtwin.cli import main
 from dtwin.errors import CommunicationError
 from dtwin.parameters import PERIOD, ROOT
@@ -26,6 +27,8 @@ from tests.support.waiting import until
 
 BUSY: Final = "[boxes]\nfirst = 1.0\nevery = 2.0\n"
 """A cell in which a box waits as soon as the last one is away: what motions are waited for takes fewer ticks."""
+VERDICTS: Final = 40
+"""Number of verdicts, which come twice a second of plant time, after which the monitor knows the healthy arm."""
 
 
 def busy_cell(folder: Path) -> tuple[str, str]:
@@ -77,6 +80,13 @@ class Desk:
                 return None
 
         return round(until(answer, "the emulator answers", 60.0).time / PERIOD)
+
+    def until_watched(self) -> None:
+        """Waits until the monitor has watched so much work that it knows the healthy arm, whenever it began to."""
+        verdicts: list[MonitoringVerdict] = []
+        subscription = self._join().subscribe(MONITORING, MonitoringVerdict, verdicts.append)
+        until(lambda: len(verdicts) > VERDICTS, "the monitor knows the arm", 90.0)
+        subscription.end()
 
     def _join(self) -> Bus:
         meet = runfile.require("cell").meet
