@@ -122,8 +122,7 @@ def _inspect_type(file: Path, library: Library, problems: _Problems) -> None:
     if isinstance(found, model.BasicFBType | model.SimpleFBType):
         _inspect_text(found, problems)
     elif isinstance(found, model.ServiceInterfaceFBType):
-        with problems.noted():
-            _inspect_service(library.find(header.name))
+        _inspect_service(found, library, problems)
     else:
 
         def find(name: str, user: str, line: int) -> model.LibraryElement:
@@ -133,14 +132,13 @@ def _inspect_type(file: Path, library: Library, problems: _Problems) -> None:
         _inspect_network(alone, find, problems)
 
 
-def _inspect_service(found: model.LibraryElement) -> None:
-    """Raises FunctionBlockError for a block that has an interface and no behaviour here."""
-    if isinstance(found, model.ServiceInterfaceFBType) and has_no_service(found):
-        raise FunctionBlockError(
-            f"{found.header.name} is an interface only, a service that this device does not have: {_ABSENT}",
-            found.header.file,
-            found.header.line,
-        )
+def _inspect_service(own: model.LibraryElement, library: Library, problems: _Problems) -> None:
+    """Remarks that a block has an interface and no behaviour here; the type itself is right."""
+    with problems.noted():
+        found = library.find(own.header.name)
+        if isinstance(found, model.ServiceInterfaceFBType) and has_no_service(found):
+            message = f"{own.header.name} is an interface only, a service that this device does not have: {_ABSENT}"
+            problems.remark(Remark("no-such-service", message, own.header.file, own.header.line))
 
 
 def _protocol_problem(node: Node, connected: set[str]) -> str | None:

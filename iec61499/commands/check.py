@@ -28,7 +28,8 @@ class FbCheck:
     files: tyro.conf.Positional[tuple[Path, ...]] = (Path(),)
     """Types (.fbt, .fct, .sub), systems (.sys), boot files (.fboot), or folders of them."""
     blocks: Path | None = None
-    """Folder of the block types that the files use; without it the folder of each file."""
+    """Folder of the block types that the files use; without it the project of each file: the nearest folder above
+    with a project of 4diac IDE, else the folder given, else its own."""
     target: Literal["embedded", "forte"] = "embedded"
     """With forte also a warning for every block that may compute something else on 4diac FORTE (docs/blocks.md)."""
     level: Literal["error", "warning", "info"] = "warning"
@@ -50,7 +51,8 @@ class FbCheck:
                 print(f"{rule.name:<{width}}  {level_of(rule.name, settings):<7}  {rule.text}")
             return 0
         files = files_of(self.files, settings)
-        found = check(files, self.blocks, self.target, settings)
+        folders = [path for path in self.files if path.is_dir()]
+        found = check(files, self.blocks, self.target, settings, folders)
         levels = [level_of(finding.rule, settings) for finding in found]
         told = [finding for finding, level in zip(found, levels, strict=True) if _reaches(level, self.level)]
         if self.format == "json":

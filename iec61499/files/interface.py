@@ -185,6 +185,8 @@ def _array_type(element: XmlElement, data_type: model.DataType) -> ArrayType:
     """`4` is 0..3; `1..3`; several dimensions are separated by commas, the first is the outermost."""
     for dimension in reversed(element.get("ArraySize").split(",")):
         bounds = re.fullmatch(r"\s*(-?\d{1,9})\s*(?:\.\.\s*(-?\d{1,9})\s*)?", dimension)
+        if dimension.strip() == "*":
+            raise element.error("arrays of any size (*) are not supported: expected a number or bounds such as 1..3")
         if bounds is None:
             raise element.error(f"array size {element.get('ArraySize')!r}: expected a number or bounds such as 1..3")
         lower, upper = (0, int(bounds[1]) - 1) if bounds[2] is None else (int(bounds[1]), int(bounds[2]))

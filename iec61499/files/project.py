@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Iterable
 from pathlib import Path, PurePosixPath
 from typing import Final
 from urllib.parse import unquote
@@ -15,30 +16,68 @@ from urllib.parse import unquote
 from iec61499.files.xml import XmlElement, read_xml
 
 PROJECT: Final = ".project"
+MANIFEST: Final = "MANIFEST.MF"
+"""File that names the libraries which a project or a library needs."""
 _FOLDER: Final = "2"
+_SYMBOL: Final = re.compile(r"[\w.-]+", re.ASCII)
 TAGS: Final = "virtualDNS.dns"
 _TAG: Final = re.compile(r"%([^%]+)%")
 _ACTIVE: Final = re.compile(r"//@availableDNSCollections\.([0-9]{1,4})")
 _PARENT: Final = re.compile(r"PARENT-(\d)-PROJECT_LOC")
 
 
-def linked_folders(project: Path) -> tuple[Path, ...]:
-    """The folders that a project links to and that are there, in the order of its file; none without a `.project`.
+def project_of(file: Path, given: Iterable[Path] = ()) -> Path:
+    """The folder whose types a file may use.
 
-    Links begin with a variable of Eclipse: WORKSPACE_LOC is taken for the folder around the project, and ECLIPSE_HOME
-    is the environment's variable of that name, the folder of 4diac IDE. Others are left out, as are links that lead
-    upwards.
+    It is the nearest one above with a project or a library of 4diac IDE; else the one of `given` that holds the file;
+    else its own.
+    """
+    folders = file.resolve().parents
+    marked = next((each for each in folders if any((each / name).is_file() for name in (PROJECT, MANIFEST))), None)
+    if marked is not None:
+        return marked
+    around = {each.resolve(): each for each in given}
+    return next((around[each] for each in reversed(folders) if each in around), file.parent)
+
+
+def linked_folders(project: Path) -> tuple[Path, ...]:
+    """The folders that a project links to or needs and that are there, in the order of its files; none without any.
+
+    A library in a workspace's folder `.lib` names others that it needs in `MANIFEST.MF`; they are beside it. Links of
+    a `.project` begin with a variable of Eclipse: WORKSPACE_LOC is taken for the folder around the project, and
+    ECLIPSE_HOME is the environment's variable of that name, the folder of 4diac IDE. Others are left out, as are
+    links that lead upwards.
 
     Raises:
         FunctionBlockError: the file is unreadable or not well-formed.
     """
+    needed = _needed_folders(project)
     file = project / PROJECT
     if not file.is_file():
-        return ()
+        return needed
     group = read_xml(file).child("linkedResources")
     links = group.children("link") if group is not None else ()
     found = (_target(link, project.resolve()) for link in links if _text(link, "type") == _FOLDER)
-    return tuple(folder for folder in found if folder is not None and folder.is_dir())
+    return (*(folder for folder in found if folder is not None and folder.is_dir()), *needed)
+
+
+def _needed_folders(library: Path) -> tuple[Path, ...]:
+    """The libraries beside one in `.lib` that it needs, and those that they need."""
+    if library.resolve().parent.name != ".lib":
+        return ()
+    found: dict[Path, None] = {}
+    waiting = [library.resolve()]
+    while waiting:
+        file = waiting.pop() / MANIFEST
+        group = read_xml(file).child("Dependencies") if file.is_file() else None
+        for needed in group.children("Required") if group is not None else ():
+            name = needed.get("SymbolicName")
+            beside = sorted(file.parent.parent.glob(f"{name}-*")) if _SYMBOL.fullmatch(name) else []
+            for folder in beside[-1:]:
+                if folder.is_dir() and folder not in found:
+                    found[folder] = None
+                    waiting.append(folder)
+    return tuple(found)
 
 
 def _target(link: XmlElement, project: Path) -> Path | None:

@@ -11,6 +11,7 @@ from typing import Final, Literal
 from iec61499 import model
 from iec61499.errors import FunctionBlockError
 from iec61499.files.block_types import read_type
+from iec61499.files.project import project_of
 from iec61499.files.systems import read_system
 from iec61499.inspection import SUFFIXES, Remark, inspect
 from iec61499.library import Library
@@ -35,23 +36,30 @@ def files_of(paths: Iterable[Path], settings: Settings | None = None) -> list[Pa
     return found
 
 
-def check(files: Sequence[Path], blocks: Path | None, target: Target, settings: Settings) -> list[Finding]:
+def check(
+    files: Sequence[Path],
+    blocks: Path | None,
+    target: Target,
+    settings: Settings,
+    folders: Sequence[Path] = (),
+) -> list[Finding]:
     """All findings of all files, each once: mistakes first, then in the order of the files and their lines.
 
     What settings or files suppress is left out.
 
     Args:
         files: types, systems and boot files.
-        blocks: folder of the types that the files use; None for that of each file.
+        blocks: folder of the types that the files use; None for the project of each file.
         target: with `forte` also what may differ there.
         settings: levels of the rules, and what is allowed.
+        folders: what stands for the project of files that are in none.
     """
     libraries: dict[Path, Library | FunctionBlockError] = {}
     suppressions = Suppressions()
     found: set[Finding] = set()
     for file in files:
         suppressions.read(str(file))
-        folder = blocks or file.parent
+        folder = blocks or project_of(file, folders)
         if folder not in libraries:
             try:
                 libraries[folder] = Library([folder])

@@ -49,7 +49,7 @@ _RULES: Final = (
     Rule("names-differ-in-case", "warning", "An event and a variable have names that differ in case alone."),
     Rule("mapped-nowhere", "warning", "A block or connection of a system that no resource has: it never runs."),
     Rule("start-in-application", "warning", "An application connects START, which each resource has for itself."),
-    Rule("no-such-service", "warning", "A block is a service that this device does not have."),
+    Rule("no-such-service", "warning", "A block, or its type, is a service that this device does not have."),
     Rule("no-such-protocol", "warning", "The ID of a communication block names a protocol that cannot run here."),
     Rule(DEPARTURE, "warning", "A block that may compute something else on 4diac FORTE."),
     Rule("unused-variable", "warning", "An internal or temporary variable that nothing reads or writes."),

@@ -24,6 +24,8 @@ _KEYWORDS: Final = frozenset(
     | {"STRUCT", "THEN", "TO", "TRUE", "TYPE", "UNTIL", "VAR", "VAR_IN_OUT", "VAR_INPUT", "VAR_OUTPUT", "VAR_TEMP"}
     | {"WHILE", "XOR"}
 )
+_RESERVED: Final = (_KEYWORDS | {*ELEMENTARY}) - {"DT"}
+"""Names that are taken; DT, short for DATE_AND_TIME, is an input of the standard's own E_CYCLE and E_DELAY."""
 
 
 def type_findings(block: model.LibraryElement) -> Iterator[Finding]:
@@ -43,7 +45,7 @@ def _interface_findings(block: model.LibraryElement) -> Iterator[Finding]:
     events = (*interface.event_inputs, *interface.event_outputs)
     variables = {v.name: v for v in (*interface.inputs, *interface.outputs, *internals)}
     for named in (*events, *variables.values()):
-        if named.name.upper() in _KEYWORDS or named.name.upper() in ELEMENTARY:
+        if named.name.upper() in _RESERVED:
             message = f"{named.name} is a keyword of IEC 61131-3: expected another name"
             yield Finding(file, named.line, 0, "reserved-name", message)
     if isinstance(block, model.SubApplicationType):
@@ -64,7 +66,7 @@ def _interface_findings(block: model.LibraryElement) -> Iterator[Finding]:
 def _simple_findings(block: model.SimpleFBType) -> Iterator[Finding]:
     states = {state.name for state in block.states}
     for event in block.interface.event_inputs:
-        if event.name not in states and states and not event.with_variables:
+        if event.name not in states and states and not event.with_variables and "." not in event.name:
             message = f"no state is called as event {event.name}: it does nothing"
             yield Finding(block.header.file, event.line, 0, "ignored-event", message)
 
@@ -78,7 +80,7 @@ def _algorithmic_findings(block: model.BasicFBType | model.SimpleFBType) -> Iter
             message = f"no state executes algorithm {algorithm.name}"
             yield Finding(file, algorithm.line, 0, "unused-algorithm", message)
     for event in block.interface.event_outputs:
-        if event.name not in issued:
+        if event.name not in issued and "." not in event.name:  # an adapter has more than each of its users needs
             message = f"no state issues event {event.name}"
             yield Finding(file, event.line, 0, "event-never-issued", message)
     usage, trees = Usage(), []

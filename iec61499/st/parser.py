@@ -310,7 +310,12 @@ class TreeBuilder(Transformer):
         return [ast.Member(self._position(children[0]), str(children[0]))]
 
     def part(self, children: list[Token]) -> list[ast.Part]:
-        return [ast.Part(self._position(children[0]), children[0][1].upper(), int(children[0][2:]))]
+        at = self._position(children[0])
+        text = children[0].removeprefix("%").upper()
+        size, number = (text[0], text[1:]) if text[0].isalpha() else ("X", text)
+        if not number.isdecimal() or len(number) > 2:
+            raise FunctionBlockError(f"unexpected {text!r}: expected a part such as %X0", *at)
+        return [ast.Part(at, size, int(number))]
 
     def constant_label(self, children: list[Token]) -> ast.VariableAccess:
         return ast.VariableAccess(self._at, str(children[0]))

@@ -109,8 +109,8 @@ class _Groups:
             for variable in node.generics:
                 if isinstance(node.declared, model.CompositeFBType):
                     raise FunctionBlockError(
-                        f"{variable.name} of composite {node.declared.header.name} is {variable.type}: "
-                        "expected an elementary type",
+                        f"{variable.name} of composite {node.declared.header.name} is {variable.type}, which "
+                        "is not supported in composites: expected an elementary type",
                         node.declared.header.file,
                         variable.line,
                     )

@@ -7,8 +7,10 @@ from pathlib import Path
 import pytest
 
 from dtwin.errors import FunctionBlockError
-from iec61499.files.project import linked_folders
+from iec61499.files.project import linked_folders, project_of
 from iec61499.library import Library
+from iec61499.lint.check import check
+from iec61499.lint.settings import Settings
 from iec61499.mapping import resource_network
 from iec61499.runtime.resource import Resource
 from tests.support.iec61499.networks import network
@@ -155,3 +157,33 @@ def test_names_of_the_project_have_the_values_of_its_active_collection(tmp_path:
     (folder / ".project").write_text("<projectDescription/>")
     with pytest.raises(FunctionBlockError, match="'%COUNT%' is not a UINT"):
         Resource(resource_network(library.load_system(file), "D.R"), library)
+
+
+AX = """<AdapterType Name="AX"><InterfaceList><EventOutputs><Event Name="E1"/></EventOutputs></InterfaceList>
+</AdapterType>"""
+USER = """<FBType Name="USER"><InterfaceList><Plugs><AdapterDeclaration Name="P" Type="adapter::AX"/></Plugs>
+</InterfaceList><BasicFB><ECC><ECState Name="S"/></ECC></BasicFB></FBType>"""
+
+
+def test_a_library_has_the_types_of_those_that_it_needs_beside_it(tmp_path: Path) -> None:
+    libraries = tmp_path / ".lib"
+    for name, needed in (("io-3.0.0", "adapter"), ("adapter-3.0.0", "io")):
+        (libraries / name / "typelib").mkdir(parents=True)
+        required = f'<Required SymbolicName="{needed}" Version="3.0.0"/><Required SymbolicName="../up" Version="1"/>'
+        (libraries / name / "MANIFEST.MF").write_text(f"<Manifest><Dependencies>{required}</Dependencies></Manifest>")
+    (libraries / "adapter-3.0.0" / "typelib" / "AX.adp").write_text(AX)
+    file = libraries / "io-3.0.0" / "typelib" / "USER.fbt"
+    file.write_text(USER)
+    assert project_of(file) == libraries / "io-3.0.0"
+    assert linked_folders(project_of(file)) == (libraries / "adapter-3.0.0", libraries / "io-3.0.0")
+    assert [finding.rule for finding in check([file], None, "embedded", Settings())] == []
+
+
+def test_a_file_in_no_project_has_the_types_of_the_folder_given(tmp_path: Path) -> None:
+    (tmp_path / "types").mkdir()
+    (tmp_path / "adapters").mkdir()
+    (tmp_path / "adapters" / "AX.adp").write_text(AX)
+    file = tmp_path / "types" / "USER.fbt"
+    file.write_text(USER)
+    assert [finding.rule for finding in check([file], None, "embedded", Settings())] == ["invalid"]
+    assert check([file], None, "embedded", Settings(), [tmp_path]) == []

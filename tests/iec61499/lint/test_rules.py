@@ -114,6 +114,21 @@ def test_events_of_networks(tmp_path: Path) -> None:
     assert found_in(tmp_path, NETWORK.replace("CONNECTIONS", back)) == {"event-loop": 3}
 
 
+def test_what_the_standard_and_adapters_bring_is_no_finding(tmp_path: Path) -> None:
+    adapter = """<AdapterType Name="AX"><InterfaceList>
+<EventInputs><Event Name="ASK"/><Event Name="MORE"/></EventInputs>
+<EventOutputs><Event Name="SAY"/><Event Name="TOO"/></EventOutputs></InterfaceList></AdapterType>"""
+    (tmp_path / "AX.adp").write_text(adapter)
+    text = type_with({}).replace('Name="N"', 'Name="DT"').replace('Var="N"', 'Var="DT"').replace("IF N >", "IF DT >")
+    plug = '<Plugs><AdapterDeclaration Name="P" Type="AX"/></Plugs>'
+    assert found_in(tmp_path, text.replace("</InterfaceList>", f"{plug}</InterfaceList>")) == {}
+
+
+def test_a_type_of_hardware_is_right_and_does_not_run(tmp_path: Path) -> None:
+    text = '<FBType Name="T"><InterfaceList><EventInputs><Event Name="REQ"/></EventInputs></InterfaceList></FBType>'
+    assert found_in(tmp_path, text) == {"no-such-service": 1}
+
+
 def test_a_connection_that_is_drawn_twice_is_told_and_runs_once(tmp_path: Path) -> None:
     data = '<Connection Source="M.OUT" Destination="N.IN"/>\n' * 2
     text = f"""<FBType Name="T"><InterfaceList><EventInputs><Event Name="GO"/></EventInputs></InterfaceList>

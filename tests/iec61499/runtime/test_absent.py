@@ -33,8 +33,9 @@ def test_a_missing_service_answers_no(tmp_path: Path) -> None:
     resource.start()
     assert (resource.read("S.QO"), resource.read("S.STATUS")) == (False, "NOT_SUPPORTED")
     assert (resource.read("A.CV"), resource.read("B.CV")) == (1, 1)
-    (problem,) = inspect(tmp_path / "Sensor.fbt", library).problems
-    assert "Sensor is an interface only, a service that this device does not have" in str(problem)
+    found = inspect(tmp_path / "Sensor.fbt", library)
+    assert found.problems == ()
+    assert "Sensor is an interface only, a service that this device does not have" in found.warnings[0]
 
 
 def test_one_that_cannot_answer_does_not_run(tmp_path: Path) -> None:

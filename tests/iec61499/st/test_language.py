@@ -25,6 +25,7 @@ TYPES: dict[str, Any] = {
 }
 IN_LUA = [
     ("W.%X3 := TRUE; X := W.%X3;", {"W": 8, "X": True}),
+    ("W.3 := TRUE; X := W.%3;", {"W": 8, "X": True}),
     ("W := 16#FFFF; W.%X15 := FALSE;", {"W": 0x7FFF}),
     ("D := 16#12345678; B := D.%B1; W := D.%W1; D.%B0 := 16#AA;", {"B": 0x56, "W": 0x1234, "D": 0x123456AA}),
     ("W.%B1 := BYTE#16#7F; W.%X0 := W.%X8 AND NOT X;", {"W": 0x7F01}),
@@ -75,6 +76,7 @@ def test_lua(text: str, expected: dict[str, Any]) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
+        ("X := B.16#1;", "1:8: unexpected '16#1': expected a part such as %X0"),
         ("X := B.%X8;", "1:8: %X8 of BYTE: expected %X0 to %X7"),
         ("X := I.%X1;", "%X1 of INT: expected a part of a longer bit string"),
         ("B := B.%W0;", "%W0 of BYTE"),

@@ -21,6 +21,7 @@ import tyro
 
 from iec61499 import model
 from iec61499.errors import ToolError
+from iec61499.files.project import project_of
 from iec61499.inspection import Findings, inspect
 from iec61499.library import Library
 from iec61499.opening import opened
@@ -72,11 +73,6 @@ def systems(folders: tuple[Path, ...]) -> Iterator[Path]:
         if digest not in seen:
             seen.add(digest)
             yield file
-
-
-def project_of(file: Path) -> Path:
-    """The folder whose types a system uses: the nearest one above with a project of 4diac IDE, or its own."""
-    return next((folder for folder in file.parents if (folder / ".project").is_file()), file.parent)
 
 
 @contextmanager
