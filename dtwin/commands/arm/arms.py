@@ -62,6 +62,7 @@ class ArmShow(JsonOption):
             return 0
         _print(summary(arm))
         print_table(_table(arm))
+        print("friction: viscous (a rad/s or m/s) + Coulomb + the share that grows with the load; N m or N")
         return 0
 
 
@@ -140,19 +141,18 @@ _UNITS = {"torque": "N m", "current": "A", "voltage": "V", "position": "position
 
 
 def _table(arm: Arm) -> Table:
-    table = Table("joint", "kind", "range", "speed", "drive", "limit", "N m a unit", "friction", "mass of its link")
+    table = Table("joint", "range", "speed", "limit", "N m a unit", "friction", "link")
     for joint, link in zip(arm.joints, arm.links, strict=True):
         drive, friction = joint.actuator, joint.friction
+        unit = "rad" if joint.kind == "revolute" else "m"
         values = (
             joint.name,
-            joint.kind,
-            f"{joint.lower:.4g} to {joint.upper:.4g}",
+            f"{joint.lower:.3g} to {joint.upper:.3g} {unit}",
             f"{joint.speed:.3g}",
-            _UNITS[drive.commanded],
-            f"{drive.limit:.4g}",
+            f"{drive.limit:.4g} {_UNITS[drive.commanded]}",
             "not known" if drive.constant is None else f"{drive.constant:.4g}",
-            f"{friction.viscous:.3g} w + {friction.coulomb:.3g} + {friction.load:.2g} load",
-            f"{link.mass:.4g} kg",
+            f"{friction.viscous:.3g} + {friction.coulomb:.3g} + {100.0 * friction.load:.2g} %",
+            f"{link.mass:.3g} kg",
         )
         table.add_row(*map(as_text, values))
     return table
