@@ -16,9 +16,9 @@ from dtwin.monitoring.kinds import parse_fault_id
 from dtwin.recovery.answers import Measure, answer_to
 from dtwin.recovery.desk import CriticalFinding, Desk, StoppedByController
 from dtwin.recovery.operator import Operator
-from dtwin.simulation.proposals.book import HOLDS
+from dtwin.simulation.proposals.book import HOLDS, RECOVERY
 
-NAME: Final = "recovery"
+NAME: Final = RECOVERY
 """Its name among proposals, in the history and among the events."""
 RETRY: Final = 10.0
 """Plant time after which a proposal that was refused is made again, s."""

@@ -8,6 +8,7 @@ from msgspec.structs import replace
 from dtwin.bus.codec import SIZE_LIMIT, encode
 from dtwin.bus.proposals.messages import SHOWN, Effect, Look, ProposalDecision, ProposalRequest
 from dtwin.bus.twin_messages import UploadRequest
+from dtwin.cli import main
 from dtwin.errors import ParameterError, RecordingError
 from dtwin.simulation.proposals.book import (
     CHECKED_IN,
@@ -15,6 +16,8 @@ from dtwin.simulation.proposals.book import (
     LONGEST,
     MOST_CHECKED,
     MOST_OPEN,
+    RECOVERY,
+    SPARED,
     Book,
     check_form,
 )
@@ -91,20 +94,37 @@ def test_what_came_of_it_is_told_by_who_approved_it_alone(book: Book) -> None:
 
 
 def test_not_more_wait_than_a_person_can_look_at(book: Book) -> None:
-    for _ in range(MOST_OPEN):
+    for _ in range(MOST_OPEN - SPARED):
+        book.make_room(10.0, 3, "ai")
         book.add(STOP, None, 10.0)
-    with pytest.raises(ParameterError, match="wait for a person already"):
-        book.make_room(10.0, 3)
+    with pytest.raises(ParameterError, match="6 proposals wait for a person already"):
+        book.make_room(10.0, 3, "ai")
+    for _ in range(SPARED):
+        book.make_room(10.0, 3, RECOVERY)
+        book.add(replace(STOP, who=RECOVERY), None, 10.0)
+    with pytest.raises(ParameterError, match="8 proposals wait for a person already"):
+        book.make_room(10.0, 3, RECOVERY)
 
 
 def test_nobody_keeps_the_twin_busy_with_proposals_that_are_refused(book: Book) -> None:
-    for tenth in range(MOST_CHECKED):
-        book.make_room(10.0 + 0.1 * tenth, 3)
-    with pytest.raises(ParameterError, match=r"at most 12 within 30 s, .* wait until 40\.0 s"):
-        book.make_room(20.0, 3)
-    book.make_room(10.0 + CHECKED_IN, 3)
+    most = MOST_CHECKED - SPARED
+    for tenth in range(most):
+        book.make_room(10.0 + 0.1 * tenth, 3, "ai")
+    with pytest.raises(ParameterError, match=r"at most 10 within 30 s, .* wait until 40\.0 s"):
+        book.make_room(20.0, 3, "ai")
+    book.make_room(10.0 + CHECKED_IN, 3, "ai")
     with pytest.raises(ParameterError, match=r"wait until 40\.1 s"):
-        book.make_room(10.0 + CHECKED_IN, 3)
+        book.make_room(10.0 + CHECKED_IN, 3, "ai")
+
+
+def test_recovery_finds_room_whatever_others_propose(book: Book) -> None:
+    for _ in range(MOST_CHECKED - SPARED):
+        book.make_room(10.0, 3, "ai")
+    for _ in range(SPARED):
+        book.make_room(10.0, 3, RECOVERY)
+    for who in ("ai", RECOVERY):
+        with pytest.raises(ParameterError, match=r"wait until 40\.0 s"):
+            book.make_room(11.0, 3, who)
 
 
 @pytest.mark.parametrize(
@@ -142,3 +162,9 @@ def test_what_is_told_of_proposals_is_never_too_long_and_has_all_that_wait(book:
 def test_a_proposal_of_too_many_bytes_is_refused() -> None:
     with pytest.raises(ParameterError, match=rf"proposal: expected at most {LONGEST} bytes, got \d+"):
         check_form(ProposalRequest("ai", "漢" * 1000, "diagnosis", text="漢" * 1000))
+
+
+def test_nobody_else_proposes_under_the_name_of_recovery(capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("mcp", reason="pip install 'dtwin[mcp]'")
+    assert main(["mcp", "--who", RECOVERY]) == 2
+    assert "the recovery service proposes under it" in capsys.readouterr().err

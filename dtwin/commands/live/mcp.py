@@ -27,6 +27,7 @@ from dtwin.run.options import CellFileOption
 from dtwin.services import runfile
 from dtwin.services.runfile import join, kept
 from dtwin.simulation.history import HISTORY
+from dtwin.simulation.proposals.book import RECOVERY
 from dtwin.terminal import print_json, printable
 
 AUDIT: Final = Path("ai-audit.jsonl")
@@ -81,6 +82,8 @@ class McpCommand(CellFileOption):
         from dtwin.console.hub import Clocks
 
         check_name(self.who, "who")
+        if self.who == RECOVERY:
+            raise ParameterError(f"--who {self.who}: the recovery service proposes under it: expected another name")
         limits = Limits(self.hourly, self.pause, self.factor)
         up = runfile.find(self.cell) if self.zenoh is None else None
         cell = self if up is None or self.cell_file else replace(self, cell_file=up.cell_file or None)

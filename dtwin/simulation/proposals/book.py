@@ -26,6 +26,10 @@ MOST_CHECKED: Final = 12
 """Number of proposals that are checked within CHECKED_IN, also when they are refused then: each takes the twin."""
 CHECKED_IN: Final = 30.0
 """Plant time, s."""
+RECOVERY: Final = "recovery"
+"""Name under which the recovery service proposes."""
+SPARED: Final = 2
+"""Number of both that all others leave to recovery, so that nobody's proposals keep it from answering a finding."""
 LONGEST: Final = 4500
 """Greatest size of what is proposed, bytes of its message."""
 TOLD: Final = 60_000
@@ -62,22 +66,28 @@ class Book:
         told = [each for each, size in zip(order, sizes, strict=False) if size <= TOLD]
         return tuple(sorted(told, key=lambda each: each.number))
 
-    def make_room(self, time: float, version: int) -> None:
-        """Counts a proposal that is going to be checked at a plant time (s), so that nobody keeps the twin busy.
+    def make_room(self, time: float, version: int, who: str) -> None:
+        """Counts a proposal of somebody that is going to be checked, so that nobody keeps the twin busy.
+
+        Args:
+            time: plant time, s.
+            version: version of the settings in force.
+            who: name of who proposes.
 
         Raises:
             ParameterError: too many wait already, or were checked just now.
         """
         self._expire(time, version)
-        if sum(each.state == "open" for each in self._kept.values()) >= MOST_OPEN:
-            raise ParameterError(
-                f"{MOST_OPEN} proposals wait for a person already: expected none more until one does"
-            )
+        spared = 0 if who == RECOVERY else SPARED
+        most = MOST_OPEN - spared
+        if sum(each.state == "open" for each in self._kept.values()) >= most:
+            raise ParameterError(f"{most} proposals wait for a person already: expected none more until one does")
+        most = MOST_CHECKED - spared
         recent = [each for each in self._checked if time - CHECKED_IN < each <= time]
-        if len(recent) == MOST_CHECKED:
+        if len(recent) >= most:
             raise ParameterError(
-                f"proposals: expected at most {MOST_CHECKED} within {CHECKED_IN:g} s, those that were refused among"
-                f" them; wait until {recent[0] + CHECKED_IN:.1f} s"
+                f"proposals: expected at most {most} within {CHECKED_IN:g} s, those that were refused among"
+                f" them; wait until {recent[-most] + CHECKED_IN:.1f} s"
             )
         self._checked.append(time)
 

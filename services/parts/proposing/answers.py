@@ -68,7 +68,7 @@ class Proposing:
         check_form(asked)
         with self._lock:
             uploader = self._there()
-            self._book.make_room(self._time(), uploader.version)
+            self._book.make_room(self._time(), uploader.version, asked.who)
             effect = None if asked.change is None else self._effect(uploader, asked.change)
             made = self._book.add(asked, effect, self._time())
         self._tell(made)
