@@ -1,4 +1,4 @@
-"""The `fb` command: checks, tests, lays out and compares function blocks without a cell."""
+"""The `fb` command: checks, tests, lays out, prints and watches function blocks without a cell."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import tyro
 from iec61499 import __version__
 from iec61499.commands.check import FbCheck
 from iec61499.commands.comparing import FbOutline
+from iec61499.commands.devices import FbForce, FbStart, FbStop, FbTrigger, FbWatch
 from iec61499.commands.formatting import FbFormat
 from iec61499.commands.testing import FbTest
 from iec61499.errors import ToolError
@@ -21,6 +22,11 @@ COMMANDS: Final[dict[str, Any]] = {
     "test": FbTest,
     "format": FbFormat,
     "outline": FbOutline,
+    "watch": FbWatch,
+    "force": FbForce,
+    "trigger": FbTrigger,
+    "start": FbStart,
+    "stop": FbStop,
 }
 
 
@@ -32,7 +38,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 0
     try:
         command: Any = tyro.extras.subcommand_cli_from_dict(
-            COMMANDS, prog="fb", description="Check, test, lay out and print IEC 61499 function blocks.", args=words
+            COMMANDS, prog="fb", description="Check, test, lay out and watch IEC 61499 function blocks.", args=words
         )
         status: int = command.execute()
         return status

@@ -85,8 +85,11 @@ GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
         "fb trace": Subcommand("blocks.trace", "FbTrace", "record the events of a run or a device with their data"),
         "fb replay": Subcommand("blocks.trace", "FbReplay", "repeat a trace; stop at the first event that differs"),
         "fb fuzz": Subcommand("blocks.fuzz", "FbFuzz", "trouble a device of its own with mutated input; report"),
-        "fb watch": Subcommand("blocks.device", "FbWatch", "read values of a running device"),
-        "fb stop": Subcommand("blocks.device", "FbStop", "stop what runs on a device"),
+        "fb watch": Subcommand("iec61499.commands.devices", "FbWatch", "read values and counts of running devices"),
+        "fb force": Subcommand("iec61499.commands.devices", "FbForce", "force values of running devices, for a time"),
+        "fb trigger": Subcommand("iec61499.commands.devices", "FbTrigger", "let events of running devices happen"),
+        "fb start": Subcommand("iec61499.commands.devices", "FbStart", "start resources or blocks of devices"),
+        "fb stop": Subcommand("iec61499.commands.devices", "FbStop", "stop resources or blocks of devices"),
     },
     "the cell as services": {
         "up": Subcommand(

@@ -1,15 +1,13 @@
-"""`dtwin fb run`, `watch` and `stop`: function blocks on a device."""
+"""`dtwin fb run`: function blocks on a device."""
 
 from __future__ import annotations
 
 import gc
-import itertools
 import logging
 import signal
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -26,19 +24,15 @@ from dtwin.parameters import ROOT
 from dtwin.run.cell_file import task_named
 from dtwin.terminal import LineFormatter, RateLimit, printable
 from iec61499 import model
-from iec61499.deploy.listing import listed
 from iec61499.device.embedded import EmbeddedDevice
 from iec61499.library import Library
 from iec61499.management.bootfile import load_boot_file
-from iec61499.management.client import ManagementClient
-from iec61499.management.protocol import ManagementError
 from iec61499.management.server import ManagementServer
 from iec61499.mapping import management_address
 from iec61499.net.address import (
     StreamAddress,
     parse_listening_address,
     parse_numeric_address,
-    parse_stream_address,
 )
 from iec61499.net.reactor import Reactor
 from iec61499.net.settings import Connections, read_connections
@@ -233,77 +227,3 @@ def _signals_to(stop: Callable[[], None]) -> Iterator[None]:
     finally:
         for number, handler in previous.items():
             signal.signal(number, handler)
-
-
-@dataclass(frozen=True)
-class FbWatch:
-    """Print values of a running device (4diac FORTE or `dtwin fb run`) again and again."""
-
-    address: tyro.conf.Positional[str]
-    """HOST:PORT or unix:FOLDER/PORT of the device management."""
-    names: tyro.conf.Positional[tuple[str, ...]]
-    """Ports to read: APPLICATION.BLOCK.PORT, as 4diac IDE calls them, or BLOCK.PORT of a block of the resource alone;
-    with the name of the resource in front if the device has several."""
-    interval: float = 0.5
-    """Time between two readings, s."""
-    count: int = 0
-    """Number of readings; 0 goes on until Ctrl-C."""
-
-    def execute(self) -> int:
-        if not 0.001 <= self.interval < float("inf"):
-            raise ParameterError(f"--interval: expected at least 0.001 s, got {self.interval}")
-        if not self.names:
-            raise ParameterError("expected the name of at least one port, e.g. CELL.PLANNER.THETA_D1")
-        with ManagementClient(parse_stream_address(self.address)) as client:
-            ports = [_locate(client, name) for name in self.names]
-            for resource, port in ports:
-                _expect_port(client, resource, port)
-            print("\t".join(map(printable, self.names)), flush=True)
-            for number in itertools.count(1):
-                print("\t".join(printable(client.read(resource, port)) for resource, port in ports), flush=True)
-                if number == self.count:
-                    break
-                time.sleep(self.interval)
-        return 0
-
-
-@dataclass(frozen=True)
-class FbStop:
-    """Stop everything that runs on a device (4diac FORTE or `dtwin fb run`)."""
-
-    address: tyro.conf.Positional[str]
-    """HOST:PORT or unix:FOLDER/PORT of the device management."""
-
-    def execute(self) -> int:
-        with ManagementClient(parse_stream_address(self.address)) as client:
-            for resource in client.blocks(""):
-                refused = client.request(resource.name, "STOP").reason
-                print(printable(f"{resource.name} {f'does not stop: {refused}' if refused else 'stopped'}"))
-        return 0
-
-
-def _expect_port(client: ManagementClient, resource: str, port: str) -> None:
-    """Raises ManagementError for a port that is not there; names those that may be meant."""
-    try:
-        client.read(resource, port)
-    except ManagementError as error:
-        block = port.rpartition(".")[0]
-        meant = [name for name, _ in listed(client, resource).blocks if name.endswith(f".{block}")]
-        ports = [f"{name}.{port.rpartition('.')[2]}" for name in meant]
-        raise ManagementError(error.reason, f"{error}{f': expected {choices(ports)}' if ports else ''}") from None
-
-
-def _locate(client: ManagementClient, name: str) -> tuple[str, str]:
-    """The resource that a name means, and the port within it."""
-    resources = [block.name for block in client.blocks("")]
-    first, _, rest = name.partition(".")
-    if first in resources and "." in rest:
-        return first, rest
-    if len(resources) != 1:
-        valid = (
-            choices([f"{resource}.{name}" for resource in resources])
-            if resources
-            else "a device on which something is built"
-        )
-        raise ParameterError(f"{name}: {client.address} has {len(resources)} resources: expected {valid}")
-    return resources[0], name
