@@ -17,19 +17,15 @@ from iec61499.output import printable
 
 
 @dataclass(frozen=True)
-class _Target:
-    target: tyro.conf.Positional[str]
-    """HOST:PORT or unix:FOLDER/PORT of the device management, or a system (.sys): all its devices, where it says."""
-
-
-@dataclass(frozen=True)
-class FbWatch(_Target):
+class FbWatch:
     """Print values of running devices (4diac FORTE or `fb run`) again and again.
 
     Of an event it prints how often it came since it is watched, of a structure every member. A value that is forced
     has a mark, as in 5!.
     """
 
+    target: tyro.conf.Positional[str]
+    """HOST:PORT or unix:FOLDER/PORT of the device management, or a system (.sys): all its devices, where it says."""
     names: tyro.conf.Positional[tuple[str, ...]]
     """Ports: APPLICATION.BLOCK.PORT, as 4diac IDE calls them, or BLOCK.PORT of a block of the resource alone; with
     the name of the resource, or of device and resource, in front where that is needed."""
@@ -60,9 +56,11 @@ class FbWatch(_Target):
 
 
 @dataclass(frozen=True)
-class FbForce(_Target):
+class FbForce:
     """Force ports of running devices to values, whatever comes there, until Ctrl-C; then they are free again."""
 
+    target: tyro.conf.Positional[str]
+    """HOST:PORT or unix:FOLDER/PORT of the device management, or a system (.sys): all its devices, where it says."""
     values: tyro.conf.Positional[tuple[str, ...]]
     """NAME=VALUE: a port, as `fb watch` names it, and a literal, e.g. CELL.PUMP.SPEED=2.5."""
     seconds: float = 0.0
@@ -92,9 +90,11 @@ class FbForce(_Target):
 
 
 @dataclass(frozen=True)
-class FbTrigger(_Target):
+class FbTrigger:
     """Let events of running devices happen, one after the other."""
 
+    target: tyro.conf.Positional[str]
+    """HOST:PORT or unix:FOLDER/PORT of the device management, or a system (.sys): all its devices, where it says."""
     events: tyro.conf.Positional[tuple[str, ...]]
     """Events, as `fb watch` names ports: of an event output all receivers get it."""
 
@@ -109,9 +109,11 @@ class FbTrigger(_Target):
 
 
 @dataclass(frozen=True)
-class FbStart(_Target):
+class FbStart:
     """Start what runs on devices (4diac FORTE or `fb run`), or single blocks."""
 
+    target: tyro.conf.Positional[str]
+    """HOST:PORT or unix:FOLDER/PORT of the device management, or a system (.sys): all its devices, where it says."""
     blocks: tyro.conf.Positional[tuple[str, ...]] = ()
     """Blocks, APPLICATION.BLOCK; without any all resources."""
 
@@ -120,9 +122,11 @@ class FbStart(_Target):
 
 
 @dataclass(frozen=True)
-class FbStop(_Target):
+class FbStop:
     """Stop what runs on devices (4diac FORTE or `fb run`), or single blocks."""
 
+    target: tyro.conf.Positional[str]
+    """HOST:PORT or unix:FOLDER/PORT of the device management, or a system (.sys): all its devices, where it says."""
     blocks: tyro.conf.Positional[tuple[str, ...]] = ()
     """Blocks, APPLICATION.BLOCK; without any all resources."""
 
