@@ -30,7 +30,7 @@ from dtwin.files import LOG, RECORDING, ensure_writable
 from dtwin.identification.store import STORE, ModelStore, model_path
 from dtwin.names import check_name
 from dtwin.options import arguments
-from dtwin.parameters import SOURCE
+from dtwin.parameters import ROOT, SOURCE
 from dtwin.recovery.modes import RecoveryMode
 from dtwin.run.loop import tick_count
 from dtwin.run.options import ArmOptions, CellFileOption, ControlOptions, PlantOptions
@@ -117,6 +117,11 @@ class CellOptions(PlantOptions, ControlOptions):
         """
         check_name(self.cell, "cell")
         check_name(self.arm, "arm")
+        if self.arm != "thesis" and (ROOT / "arms" / f"{self.arm}.toml").exists():
+            raise ParameterError(
+                f"--arm {self.arm}: expected a name for the keys of this cell; the arms of the folder arms run by"
+                f" `dtwin run --arm {self.arm}`"
+            )
         if self.duration is not None:
             tick_count(self.duration)
         self._check_plant()

@@ -159,6 +159,7 @@ def test_a_signal_ends_a_cell_that_finds_no_router(desk: Desk, tmp_path: Path, n
         (["--seed", "-1"], "seed: expected a whole number"),
         (["--noise", "-1"], "noise: expected a finite magnitude"),
         (["--step", "0.003"], "step"),
+        (["--arm", "six-axis"], "expected a name for the keys of this cell"),
     ],
 )
 def test_bad_options_are_one_line(desk: Desk, options: list[str], expected: str) -> None:

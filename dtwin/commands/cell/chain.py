@@ -28,6 +28,8 @@ THESIS: Final = "thesis"
 """The arm of a run without --arm."""
 KNOWN: Final = frozenset({"arm", "poses", "late", "machine", "seed", "duration", "log", "json", "runtime"})
 """Options of `dtwin run` that mean something for any arm."""
+LONGEST: Final = 86_400.0
+"""Longest run, s: all its ticks are kept in memory."""
 _DRAWN: Final = 6
 """Number of poses that are drawn where none are given."""
 
@@ -41,7 +43,9 @@ def refuse_others(options: Any) -> None:
     for field in fields(options):
         default = field.default_factory() if field.default_factory is not MISSING else field.default
         if field.name not in KNOWN and getattr(options, field.name) != default:
-            raise ParameterError(f"--{field.name.replace('_', '-')}: has no meaning for the arm of --arm")
+            known = ", ".join(f"--{name}" for name in sorted(KNOWN - {"arm"}))
+            name = field.name.replace("_", "-")
+            raise ParameterError(f"--{name}: has no meaning for --arm {options.arm}: expected {known}")
 
 
 def poses_for(arm: Arm, file: Path | None, seed: int) -> Poses:
@@ -67,8 +71,8 @@ def run_arm(options: Any, interruption: Callable[[], AbstractContextManager[Any]
     check_seed(options.seed)
     if not 0 <= options.late <= 10:
         raise ParameterError(f"--late: expected 0 to 10 ticks, got {options.late}")
-    if not 0.0 < options.duration <= 1e6:
-        raise ParameterError(f"--duration: expected a time above 0 s, got {options.duration}")
+    if not 0.0 < options.duration <= LONGEST:
+        raise ParameterError(f"--duration: expected above 0 and at most {LONGEST:g} s, got {options.duration:g}")
     if options.log is not None:
         ensure_writable(options.log, LOG)
     arm = arm_of(options.arm)
