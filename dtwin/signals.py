@@ -46,6 +46,7 @@ class EventKind(StrEnum):
 
     ARRIVED = "arrived"
     TURNED_AWAY = "turned_away"
+    TAKEN_AWAY = "taken_away"
     PICKED = "picked"
     DELIVERED = "delivered"
     MISPLACED = "misplaced"

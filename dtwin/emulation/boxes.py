@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Iterable
 from typing import Final
 
@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 
 from dtwin.emulation.generators import generator_state, set_generator_state
+from dtwin.errors import ParameterError
 from dtwin.parameters import Colour, GripperParameters, Place
 from dtwin.signals import BoxCounts, Event, EventKind
 from dtwin.task import Task
@@ -20,6 +21,8 @@ REACH: Final = 0.020
 GRIP_TOLERANCE: Final = 0.05
 """Largest angle between the gripper and its closed stop at which it grips a box, rad."""
 
+NEVER: Final = 10**14
+"""Hundredths of a second after all runs."""
 Point = tuple[float, float]
 
 
@@ -102,6 +105,37 @@ class Arrivals:
         return Box(mass, self._colours[int(self._generator.integers(len(self._colours)))])
 
 
+class Deliveries:
+    """Boxes that others bring to the cell, and take away again while they wait.
+
+    Attributes:
+        hundredths: hundredths of a second of plant time at which the next box is brought, or the one that waits is
+            taken away.
+        coming: box that is brought then, None if one is taken away.
+    """
+
+    def __init__(self) -> None:
+        self._waiting: deque[tuple[int, Box | None]] = deque()
+
+    @property
+    def hundredths(self) -> int:
+        """Hundredths of a second of plant time at which something happens next; NEVER without anything."""
+        return self._waiting[0][0] if self._waiting else NEVER
+
+    @property
+    def time(self) -> float:
+        """The same in seconds."""
+        return self.hundredths / 100
+
+    def put(self, hundredths: int, box: Box | None) -> None:
+        """Lets a box be brought at a time behind all others; None takes away the one that waits then."""
+        self._waiting.append((hundredths, box))
+
+    def take(self) -> Box | None:
+        """The box that is brought now."""
+        return self._waiting.popleft()[1]
+
+
 class Tally:
     """What became of the boxes.
 
@@ -148,10 +182,17 @@ class Boxes:
         generator: random generator of the arrivals, used for nothing else.
         gripper: parameters of the gripper, which say at what angle it is closed.
         task: what boxes come, and where they belong.
+        deliveries: boxes that others bring, in place of those that come by themselves.
     """
 
-    def __init__(self, generator: np.random.Generator, gripper: GripperParameters, task: Task) -> None:
-        self._arrivals = Arrivals(generator, task)
+    def __init__(
+        self,
+        generator: np.random.Generator,
+        gripper: GripperParameters,
+        task: Task,
+        deliveries: Deliveries | None = None,
+    ) -> None:
+        self._arrivals: Arrivals | Deliveries = deliveries or Arrivals(generator, task)
         self._pickup, self._places = task.pickup, task.places
         self._closed = gripper.closed + GRIP_TOLERANCE
         self._tally = Tally()
@@ -176,6 +217,9 @@ class Boxes:
     def arrive(self, time: float) -> Event:
         """Lets the next box arrive at a plant time (s); it is turned away when another one waits."""
         box = self._arrivals.take()
+        if box is None:
+            self.waiting = None
+            return Event(time, EventKind.TAKEN_AWAY, "the box that waited was taken away")
         if self.waiting:
             text = f"a {box.colour} box was turned away: a {self.waiting.colour} one is still waiting"
             return self._tally.count(time, EventKind.TURNED_AWAY, text)
@@ -221,7 +265,13 @@ class Boxes:
         return ()
 
     def state(self) -> BoxesState:
-        """All that the boxes and their counts depend on."""
+        """All that the boxes and their counts depend on.
+
+        Raises:
+            ParameterError: others bring the boxes.
+        """
+        if isinstance(self._arrivals, Deliveries):
+            raise ParameterError("state of the boxes: expected a cell to which boxes come by themselves")
         return BoxesState(
             self._arrivals.generator(),
             self._arrivals.hundredths,
@@ -233,7 +283,13 @@ class Boxes:
         )
 
     def restore(self, state: BoxesState) -> None:
-        """Goes on where other boxes were."""
+        """Goes on where other boxes were.
+
+        Raises:
+            ParameterError: others bring the boxes.
+        """
+        if isinstance(self._arrivals, Deliveries):
+            raise ParameterError("state of the boxes: expected a cell to which boxes come by themselves")
         self._arrivals.restore(state.generator, state.arrival, state.coming)
         self.waiting, self.held = state.waiting, state.held
         self._tally.restore(state.counts, state.errors)

@@ -6,25 +6,24 @@ import math
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.emulation import MODEL_FILE
-from dtwin.emulation.boxes import Boxes, BoxesState
+from dtwin.emulation.boxes import Box, Boxes, Deliveries
 from dtwin.emulation.contact.bodies import Bodies
-from dtwin.emulation.contact.boxes import BodiesState, ContactBoxes
-from dtwin.emulation.encoders import Encoders, EncodersState, NoiseKind
+from dtwin.emulation.contact.boxes import ContactBoxes
+from dtwin.emulation.encoders import Encoders, NoiseKind
 from dtwin.emulation.faults import PADS, Condition, Fault, parse_fault, schedule
 from dtwin.emulation.generators import check_seed
 from dtwin.emulation.hidden import Hidden
 from dtwin.emulation.machine.encoding import encoding_of
 from dtwin.emulation.machine.plant import MachinePlant, plant_of
 from dtwin.emulation.machine.sections import IDEAL, Machine
-from dtwin.emulation.plant import PlantState
 from dtwin.emulation.stands import check_task
+from dtwin.emulation.states import EmulationState as EmulationState
+from dtwin.emulation.states import Free as Free
 from dtwin.errors import FaultError, ParameterError
 from dtwin.parameters import HANGING, PERIOD, PHYSICS_STEP, ArmParameters, GripperParameters, Triple
 from dtwin.signals import NO_COLOUR, BoxCounts, Event, EventKind, Quad, Sensors, Truth, Voltages
@@ -35,49 +34,6 @@ _EXACT = np.full((1000, 4), -0.0)
 """No errors of encoders, rad: what is added to an angle without changing it, not even the sign of 0."""
 _ROUNDING = 1e-6
 """Tolerance of due times, in steps: a change due at 45 s happens at 45 s however the sum of steps is rounded."""
-
-
-class EmulationState(msgspec.Struct, frozen=True):
-    """All that the further course of a cell depends on, beside the settings that it was made with.
-
-    Attributes:
-        sensors: sample that the cell gives now.
-        gripped: whether the last command said that the box is held.
-        faults: all faults, those that were added to the running cell too.
-        plant: state of arm and gripper.
-        encoders: state of the encoders.
-        boxes: state of the boxes.
-        bodies: state of their bodies, None without contact.
-        commanded: voltages of the last command, V.
-    """
-
-    sensors: Sensors
-    gripped: bool
-    faults: tuple[str, ...]
-    plant: PlantState
-    encoders: EncodersState
-    boxes: BoxesState
-    bodies: BodiesState | None = None
-    commanded: Quad = (0.0, 0.0, 0.0, 0.0)
-
-
-class Free(NamedTuple):
-    """What it takes to move the plant: see `Stepping` and `dtwin.run.compiled_ticks.advance`."""
-
-    step: int
-    model: int
-    data: int
-    q: NDArray[np.float64]
-    w: NDArray[np.float64]
-    control: NDArray[np.float64]
-    read: NDArray[np.float64]
-    substeps: int
-    steps: int
-    due: int
-    rate: float
-    payload: float
-    limits: NDArray[np.float64]
-    errors: NDArray[np.float64]
 
 
 class Emulation:
@@ -98,6 +54,7 @@ class Emulation:
         model_file: MJCF file of the plant.
         step: integration step, s.
         task: what boxes come, and where they belong.
+        deliveries: boxes that others bring (`bring`), in place of those that come by themselves.
 
     Raises:
         ModelError: the model file cannot be used.
@@ -118,6 +75,7 @@ class Emulation:
         model_file: Path = MODEL_FILE,
         step: float = PHYSICS_STEP,
         task: Task = DEFAULT_TASK,
+        deliveries: Deliveries | None = None,
     ) -> None:
         check_seed(seed)
         if not all(map(math.isfinite, theta)):
@@ -136,10 +94,17 @@ class Emulation:
         bodies = Bodies(contact) if contact.enabled else None
         self._plant = plant_of(machine, parameters, gripper, model_file, step, bodies)
         stream = np.random.default_rng(box_seed)
-        self._boxes = ContactBoxes(stream, bodies, self._plant.tip, task) if bodies else Boxes(stream, gripper, task)
+        if bodies and deliveries:
+            raise ParameterError("deliveries: expected a machine without contact")
+        self._boxes = (
+            ContactBoxes(stream, bodies, self._plant.tip, task)
+            if bodies
+            else Boxes(stream, gripper, task, deliveries)
+        )
         encoding = encoding_of(machine, np.random.default_rng(machine_seed))
         self._encoders = Encoders(noise_kind, noise, np.random.default_rng(noise_seed), encoding)
         self._plant.reset(theta)
+        self._deliveries = deliveries
         self._events: list[Event] = []
         self._gripped = False
         self._commanded: Quad = (0.0, 0.0, 0.0, 0.0)
@@ -237,6 +202,17 @@ class Emulation:
         if self._plant.steps >= self._due:
             self._change_due()
         self._sample()
+
+    def bring(self, box: Box | None) -> None:
+        """Brings a box to the pickup point at the end of the next tick, or takes away the one that waits (None).
+
+        Raises:
+            ParameterError: boxes come by themselves.
+        """
+        if self._deliveries is None:
+            raise ParameterError("bring: expected a cell with deliveries: its boxes come by themselves")
+        self._deliveries.put(round(100 * self._plant.time) + 1, box)
+        self._due = min(self._due, self._steps_to(self._boxes.next_arrival))
 
     def disturb(self, torques: Triple) -> None:
         """Pushes joints 1 to 3 with torques (N m) from outside until the next call, beside the pushes of faults."""

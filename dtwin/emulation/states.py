@@ -1,0 +1,58 @@
+"""The state of an emulated cell, and what others need to move its plant."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from dtwin.emulation.boxes import BoxesState
+from dtwin.emulation.contact.boxes import BodiesState
+from dtwin.emulation.encoders import EncodersState
+from dtwin.emulation.plant import PlantState
+from dtwin.signals import Quad, Sensors
+
+
+class EmulationState(msgspec.Struct, frozen=True):
+    """All that the further course of a cell depends on, beside the settings that it was made with.
+
+    Attributes:
+        sensors: sample that the cell gives now.
+        gripped: whether the last command said that the box is held.
+        faults: all faults, those that were added to the running cell too.
+        plant: state of arm and gripper.
+        encoders: state of the encoders.
+        boxes: state of the boxes.
+        bodies: state of their bodies, None without contact.
+        commanded: voltages of the last command, V.
+    """
+
+    sensors: Sensors
+    gripped: bool
+    faults: tuple[str, ...]
+    plant: PlantState
+    encoders: EncodersState
+    boxes: BoxesState
+    bodies: BodiesState | None = None
+    commanded: Quad = (0.0, 0.0, 0.0, 0.0)
+
+
+class Free(NamedTuple):
+    """What it takes to move the plant: see `Stepping` and `dtwin.run.compiled_ticks.advance`."""
+
+    step: int
+    model: int
+    data: int
+    q: NDArray[np.float64]
+    w: NDArray[np.float64]
+    control: NDArray[np.float64]
+    read: NDArray[np.float64]
+    substeps: int
+    steps: int
+    due: int
+    rate: float
+    payload: float
+    limits: NDArray[np.float64]
+    errors: NDArray[np.float64]

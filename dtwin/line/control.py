@@ -1,0 +1,181 @@
+"""The control of a line run in this process: all blocks on one resource, or a resource for each device.
+
+On one resource they run as machine code where it can be had. On many they talk by PUBLISH and SUBSCRIBE blocks, in
+process; what one sends waits in the other's queue, and they take turns until nobody has anything left to do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final, Protocol
+
+from dtwin.controller.ports import BLOCKS
+from dtwin.controller.runtime import running
+from dtwin.errors import CommunicationError
+from dtwin.line.line import MOST_OPERATIONS, Assignment, Line
+from dtwin.line.plant import Plant
+from dtwin.line.system import RESOURCE, on_one_resource, plant_of, setup_of, system
+from dtwin.line.vehicle import VehicleCommand
+from iec61499.library import Library
+from iec61499.mapping import resource_network
+from iec61499.runtime.communication import LocalTransport
+from iec61499.runtime.resource import Resource
+
+_ROUNDS: Final = 1000
+
+
+class Exchange(Protocol):
+    """What a client of the blocks can do."""
+
+    def exchange(self, block: str, values: Sequence[Any]) -> tuple[Any, ...]:
+        """Sends values to a SERVER block and returns its answer. Raises CommunicationError."""
+
+    def read(self, name: str) -> Any:
+        """The value of a variable, `BLOCK.VARIABLE`."""
+
+
+class OneResource:
+    """All blocks of a line on one resource.
+
+    Args:
+        line: the line.
+        blocks: folder of the function-block library.
+
+    Raises:
+        FunctionBlockError: the library cannot be used.
+    """
+
+    def __init__(self, line: Line, blocks: Path = BLOCKS) -> None:
+        library = Library([blocks])
+        network = resource_network(library.complete(on_one_resource(system(line))))
+        self._resource = running(network, library)
+        self._servers = {name: self._resource.server(name) for name in servers(line)}
+        self._resource.start()
+
+    def exchange(self, block: str, values: Sequence[Any]) -> tuple[Any, ...]:
+        return self._servers[block].exchange(values)
+
+    def read(self, name: str) -> Any:
+        return self._resource.read(name)
+
+
+class Devices:
+    """The blocks of a line, each on the resource of its device.
+
+    Args:
+        line: the line.
+        blocks: folder of the function-block library.
+
+    Attributes:
+        resources: the resources by the names of their devices.
+
+    Raises:
+        FunctionBlockError: the library cannot be used.
+    """
+
+    def __init__(self, line: Line, blocks: Path = BLOCKS) -> None:
+        library, transport = Library([blocks]), LocalTransport()
+        whole = library.complete(system(line))
+        self.resources = {
+            device.name: Resource(resource_network(whole, f"{device.name}.{RESOURCE}"), library, transport)
+            for device in whole.devices
+        }
+        self._answers: dict[str, list[tuple[Any, ...]]] = {}
+        self._ports = {}
+        for resource in self.resources.values():
+            names = {node for node in resource.states()}
+            for name in set(servers(line)) & names:
+                answers = self._answers[name] = []
+                self._ports[name] = resource.port(name)
+                self._ports[name].attach(answers.append)
+        for resource in self.resources.values():
+            resource.start()
+        self._settle()
+
+    def exchange(self, block: str, values: Sequence[Any]) -> tuple[Any, ...]:
+        answers = self._answers[block]
+        answers.clear()
+        self._ports[block].deliver(values)
+        self._settle()
+        if len(answers) != 1:
+            raise CommunicationError(f"{block} answered {len(answers)} times to one request: expected one RSP")
+        return answers[0]
+
+    def read(self, name: str) -> Any:
+        block = name.rpartition(".")[0]
+        found = next(resource for resource in self.resources.values() if block in resource.states())
+        return found.read(name)
+
+    def _settle(self) -> None:
+        """Lets the devices take turns until none has an event left."""
+        for _ in range(_ROUNDS):
+            busy = [resource for resource in self.resources.values() if not resource.is_idle]
+            if not busy:
+                return
+            for resource in busy:
+                resource.run_until_idle()
+        raise CommunicationError(f"the devices of the line do not come to rest within {_ROUNDS} rounds")
+
+
+def servers(line: Line) -> list[str]:
+    """Names of the SERVER blocks of a line."""
+    zones = [name for zone in line.zones for name in (plant_of(zone.name), setup_of(zone.name))]
+    parts = [plant_of(part.name) for zone in line.zones for part in (*zone.stations, *zone.vehicles)]
+    return zones + parts
+
+
+class Control:
+    """Exchanges samples and commands between a plant and the blocks, once a cycle.
+
+    Args:
+        line: the line.
+        blocks: the running blocks.
+    """
+
+    def __init__(self, line: Line, blocks: Exchange) -> None:
+        self._line, self.blocks = line, blocks
+
+    def set_up(self, assignment: Assignment) -> None:
+        """Tells the zones which station does which operation from now on.
+
+        Raises:
+            ParameterError: the stations cannot do that.
+            CommunicationError: a zone does not answer.
+        """
+        self._line.check_assignment(assignment)
+        for zone in self._line.zones:
+            names = [station.name for station in zone.stations]
+            numbers = [
+                zone.station(assignment[operation.name]) if assignment[operation.name] in names else 0
+                for operation in self._line.operations
+            ]
+            numbers += [0] * (MOST_OPERATIONS - len(numbers))
+            self.blocks.exchange(setup_of(zone.name), numbers)
+
+    def step(self, plant: Plant) -> None:
+        """One cycle: all samples go to the blocks, and their answers to the plant.
+
+        Raises:
+            CommunicationError: a block does not answer.
+        """
+        exchange = self.blocks.exchange
+        for number, zone in enumerate(self._line.zones):
+            for station in zone.stations:
+                tags, report = plant.station_tags(station.name), plant.stations[station.name].report
+                (place,) = exchange(plant_of(station.name), (*tags, report.arm, report.stop))
+                plant.offer(station.name, place)
+            for planned in zone.vehicles:
+                vehicle = plant.vehicles[planned.name]
+                sample = vehicle.sample()
+                values = (sample.at, sample.standing, sample.loaded, sample.battery)
+                vehicle.obey(VehicleCommand(*exchange(plant_of(planned.name), values)))
+            exchange(plant_of(zone.name), (plant.entry_tag(number), plant.room(number)))
+
+    def phases(self) -> Mapping[str, int]:
+        """What each vehicle does, by its name: see ORDER_EXECUTION."""
+        return {
+            v.name: self.blocks.read(f"{plant_of(v.name).removesuffix('_PLANT')}_EXECUTION.PHASE")
+            for zone in self._line.zones
+            for v in zone.vehicles
+        }

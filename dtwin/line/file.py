@@ -1,0 +1,223 @@
+"""Lines as files: `lines/*.toml`, or any other TOML file of the same form; docs/line.md explains every key."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Final, TypeVar
+
+import msgspec
+
+from dtwin.emulation.faults import parse_fault
+from dtwin.errors import DtwinError, ModelError, ParameterError, choices
+from dtwin.line.line import Buffer, Line, Operation, Source, StationPlan, VehiclePlan, ZonePlan
+from dtwin.line.track import Point, Segment, Track
+from dtwin.parameters import ROOT
+from dtwin.run.cell_file import cell_of
+from dtwin.run.cell_file import is_file as is_cell_file
+
+FOLDER: Final = ROOT / "lines"
+"""Folder of the named lines."""
+DEFAULT_NAME: Final = "default"
+_SUFFIX: Final = ".toml"
+_LONGEST: Final = 1 << 20
+"""Largest file that is read, bytes."""
+T = TypeVar("T")
+Positive = Annotated[float, msgspec.Meta(gt=0.0, le=1e6)]
+Share = Annotated[float, msgspec.Meta(ge=0.0, le=100.0)]
+Count = Annotated[int, msgspec.Meta(ge=1, le=1000)]
+Seed = Annotated[int, msgspec.Meta(ge=0, le=2**62)]
+
+
+class _Operation(msgspec.Struct, forbid_unknown_fields=True):
+    place: str
+
+
+class _Source(msgspec.Struct, forbid_unknown_fields=True):
+    node: str
+    every: Positive
+    mass: tuple[Positive, Positive] = (0.190, 0.210)
+
+
+class _Sink(msgspec.Struct, forbid_unknown_fields=True):
+    node: str
+
+
+class _Buffer(msgspec.Struct, forbid_unknown_fields=True):
+    exit: str
+    entry: str
+    capacity: Count
+
+
+class _Station(msgspec.Struct, forbid_unknown_fields=True):
+    node: str
+    operations: list[str]
+    cell: str | None = None
+    machine: str | None = None
+    seed: Seed = 0
+    faults: list[str] = []
+
+
+class _Vehicle(msgspec.Struct, forbid_unknown_fields=True):
+    home: str
+    speed: Positive = 1.0
+    acceleration: Positive = 0.5
+    handling: Positive = 2.0
+    consumption: Share = 0.05
+    idle: Share = 0.1
+    charging: Share = 20.0
+
+
+class _Zone(msgspec.Struct, forbid_unknown_fields=True):
+    nodes: dict[str, Point]
+    segments: list[str]
+    stations: dict[str, _Station]
+    vehicles: dict[str, _Vehicle]
+
+
+class _File(msgspec.Struct, forbid_unknown_fields=True):
+    operations: dict[str, _Operation]
+    source: _Source
+    sink: _Sink
+    zones: dict[str, _Zone]
+    assignment: dict[str, str]
+    buffers: list[_Buffer] = []
+    seed: Seed = 0
+
+
+def names() -> list[str]:
+    """Names of the lines in `lines/`."""
+    return sorted(path.stem for path in FOLDER.glob(f"*{_SUFFIX}"))
+
+
+def line_of(text: str) -> Line:
+    """The line that a name or a file (*.toml) stands for.
+
+    Raises:
+        ModelError: there is no such line, or its file cannot be read or holds what no line has.
+        ParameterError: a value is out of range, or the parts do not fit together.
+    """
+    if text.endswith(_SUFFIX):
+        return load(Path(text))
+    if text not in names():
+        raise ModelError(f"line {text!r}: expected a file (*{_SUFFIX}) or {choices(names())}")
+    return load(FOLDER / f"{text}{_SUFFIX}")
+
+
+def load(path: Path) -> Line:
+    """Reads a line.
+
+    Raises:
+        ModelError: the file cannot be read, or holds what no line has; names the file and the key.
+        ParameterError: a value is out of range, or the parts do not fit together.
+    """
+    try:
+        with path.open("rb") as file:
+            content = file.read(_LONGEST + 1)
+    except OSError as error:
+        raise ModelError(f"{path}: {error.strerror}") from None
+    if len(content) > _LONGEST:
+        raise ModelError(f"{path}: expected a line of at most {_LONGEST} bytes")
+    try:
+        found = msgspec.toml.decode(content, type=_File)
+    except msgspec.ValidationError as error:
+        text, _, key = str(error).partition(" - at `$")
+        where = f"{key.strip('.`').replace('[...]', '.*')}: " if key else ""
+        raise ModelError(f"{path}: {where}{text[:1].lower()}{text[1:].replace('`', '')}{_hint(text)}") from None
+    except (msgspec.MsgspecError, ValueError) as error:
+        raise ModelError(f"{path}: expected a line: {error}") from None
+    try:
+        return _line(path, found)
+    except DtwinError as error:
+        kind = ModelError if isinstance(error, ModelError) else ParameterError
+        raise kind(f"{path}: {error}") from None
+
+
+def _hint(text: str) -> str:
+    """The keys that may be where one is unknown."""
+    if "unknown field" not in text:
+        return ""
+    keys = {key for kind in (_File, _Zone, _Station, _Vehicle, _Source, _Buffer) for key in kind.__struct_fields__}
+    return f": expected {choices(sorted(keys))}"
+
+
+def _line(path: Path, found: _File) -> Line:
+    line = Line(
+        path.stem,
+        tuple(Operation(name, operation.place) for name, operation in found.operations.items()),
+        tuple(_zone(name, zone, path.parent) for name, zone in found.zones.items()),
+        Source(found.source.node, found.source.every, *sorted(found.source.mass)),
+        tuple(Buffer(buffer.exit, buffer.entry, buffer.capacity) for buffer in found.buffers),
+        found.sink.node,
+        found.assignment,
+        found.seed,
+    )
+    places = {operation.name: operation.place for operation in line.operations}
+    for zone in line.zones:
+        for station in zone.stations:
+            known = (cell_of(station.cell_file or DEFAULT_NAME)).task.colours
+            for name in station.operations:
+                if places[name] not in known:
+                    where = f"operations.{name}.place, for zones.{zone.name}.stations.{station.name}"
+                    raise ParameterError(f"{where}: expected {choices(known)}, got {places[name]!r}")
+            for fault in station.faults:
+                parse_fault(fault)
+    return line
+
+
+def _zone(name: str, zone: _Zone, folder: Path) -> ZonePlan:
+    try:
+        track = Track(zone.nodes, tuple(s for text in zone.segments for s in _segments(text)))
+    except ParameterError as error:
+        raise ParameterError(f"zones.{name}: {error}") from None
+    return ZonePlan(
+        name,
+        track,
+        tuple(_station(key, station, folder) for key, station in zone.stations.items()),
+        tuple(
+            VehiclePlan(key, *(getattr(vehicle, part) for part in vehicle.__struct_fields__))
+            for key, vehicle in zone.vehicles.items()
+        ),
+    )
+
+
+def _station(name: str, found: _Station, folder: Path) -> StationPlan:
+    cell, machine = (_beside(text, folder) for text in (found.cell, found.machine))
+    return StationPlan(name, found.node, tuple(found.operations), cell, machine, found.seed, tuple(found.faults))
+
+
+def _beside(text: str | None, folder: Path) -> str | None:
+    return str((folder / text).resolve()) if text is not None and is_cell_file(text) else text
+
+
+def _segments(text: str) -> list[Segment]:
+    """The segments of a chain of nodes: A>B>C is driven one way, A<>B both."""
+    found: list[Segment] = []
+    rest, both = text.replace("<>", "\0").replace(">", "\1"), {"\0": True, "\1": False}
+    parts, signs = [], []
+    for character in rest:
+        if character in both:
+            signs.append(both[character])
+            parts.append("")
+        elif not parts:
+            parts.append(character)
+        else:
+            parts[-1] += character
+    nodes = [part.strip() for part in parts]
+    if len(nodes) < 2 or not all(nodes):
+        raise ParameterError(f"segments: expected nodes with > or <> between them, such as A>B<>C, got {text!r}")
+    for start, end, two_way in zip(nodes, nodes[1:], signs, strict=False):
+        found.append(Segment(start, end))
+        if two_way:
+            found.append(Segment(end, start))
+    return found
+
+
+def shown(line: Line) -> Mapping[str, Any]:
+    """What a line is, in few words, for people."""
+    return {
+        "zones": len(line.zones),
+        "stations": len(line.stations),
+        "vehicles": sum(len(zone.vehicles) for zone in line.zones),
+        "operations": [operation.name for operation in line.operations],
+    }

@@ -1,0 +1,253 @@
+"""A production line as a value: what it has to do, its zones, stations, vehicles and tracks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Final
+
+from dtwin.errors import ParameterError, choices
+from dtwin.line.track import Track
+from dtwin.names import check_name
+
+MOST_STATIONS: Final = 4
+"""Number of stations of a zone that the block ORDER_DISPATCH can be given."""
+MOST_VEHICLES: Final = 4
+"""Number of vehicles of a zone that the block ORDER_DISPATCH can be given."""
+MOST_OPERATIONS: Final = 8
+"""Number of operations that the blocks can be given."""
+MOST_ZONES: Final = 32
+FINISHED: Final = 99
+"""Number that stands in the tag of a box in place of its next operation when there is none."""
+
+
+@dataclass(frozen=True, slots=True)
+class Operation:
+    """Something that is done to a box: the arm of a station brings it to a place, where it is done.
+
+    Attributes:
+        name: its name.
+        place: the place of the cell to which the arm brings the box.
+    """
+
+    name: str
+    place: str
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """Where boxes come in.
+
+    Attributes:
+        node: dock of the first zone.
+        every: time from one box to the next, s; one that finds the source occupied waits outside.
+        lightest, heaviest: masses of boxes are uniform between these, kg.
+    """
+
+    node: str
+    every: float
+    lightest: float = 0.190
+    heaviest: float = 0.210
+
+
+@dataclass(frozen=True, slots=True)
+class Buffer:
+    """Where boxes pass from one zone to the next, first in first out.
+
+    Attributes:
+        exit: dock of the zone before it.
+        entry: dock of the zone behind it.
+        capacity: number of boxes that it holds.
+    """
+
+    exit: str
+    entry: str
+    capacity: int
+
+
+@dataclass(frozen=True, slots=True)
+class StationPlan:
+    """A station: a cell with an arm, a place for the box that waits and one for the box that is finished.
+
+    Attributes:
+        name: its name, once in the line.
+        node: its dock.
+        operations: what it can do.
+        cell_file: the cell that it is: a file or a name, as for `dtwin run`; None for the usual one.
+        machine: the machine that its arm is; None for that of the cell.
+        seed: number of the random generators of its encoders.
+        faults: changes of its arm that happen at their times, as for `dtwin run`.
+    """
+
+    name: str
+    node: str
+    operations: tuple[str, ...]
+    cell_file: str | None = None
+    machine: str | None = None
+    seed: int = 0
+    faults: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class VehiclePlan:
+    """A vehicle that carries one box.
+
+    Attributes:
+        name: its name, once in the line.
+        home: dock where it begins, and charges.
+        speed: largest speed, m/s.
+        acceleration: largest acceleration and deceleration, m/s^2.
+        handling: time to load or unload a box, s.
+        consumption: charge that a metre takes, percent.
+        idle: charge that a minute takes, percent.
+        charging: charge that a minute at home gives, percent.
+    """
+
+    name: str
+    home: str
+    speed: float = 1.0
+    acceleration: float = 0.5
+    handling: float = 2.0
+    consumption: float = 0.05
+    idle: float = 0.1
+    charging: float = 20.0
+
+
+@dataclass(frozen=True, slots=True)
+class ZonePlan:
+    """A part of the line with a controller of its own.
+
+    Attributes:
+        name: its name.
+        track: where its vehicles move.
+        stations: its stations.
+        vehicles: its vehicles.
+    """
+
+    name: str
+    track: Track
+    stations: tuple[StationPlan, ...]
+    vehicles: tuple[VehiclePlan, ...]
+
+    def station(self, name: str) -> int:
+        """Number of a station as the blocks know it, from 1."""
+        return [station.name for station in self.stations].index(name) + 1
+
+
+Assignment = Mapping[str, str]
+"""The station that does each operation, by the operation's name."""
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A production line; boxes pass its zones in their order.
+
+    Attributes:
+        name: its name.
+        operations: what is done to every box, in this order.
+        zones: its zones.
+        source: where boxes come in.
+        buffers: between each zone and the next.
+        sink: dock of the last zone where finished boxes leave.
+        assignment: which station does what as long as nothing is changed.
+        seed: number of the random generator of the boxes.
+
+    Raises:
+        ParameterError: something does not fit together; names what it is, what was expected and the valid choices.
+    """
+
+    name: str
+    operations: tuple[Operation, ...]
+    zones: tuple[ZonePlan, ...]
+    source: Source
+    buffers: tuple[Buffer, ...]
+    sink: str
+    assignment: Assignment = field(default_factory=dict)
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        _check_count("operations", len(self.operations), 1, MOST_OPERATIONS)
+        _check_count("zones", len(self.zones), 1, MOST_ZONES)
+        if len(self.buffers) != len(self.zones) - 1:
+            expected = f"{len(self.zones) - 1}, one between each zone and the next"
+            raise ParameterError(f"buffers: expected {expected}, got {len(self.buffers)}")
+        taken: set[str] = set()
+        for zone in self.zones:
+            self._check_zone(zone)
+            for name in (zone.name, *(s.name for s in zone.stations), *(v.name for v in zone.vehicles)):
+                check_name(name, "name")
+                if name in taken:
+                    raise ParameterError(f"{name}: expected a name that nothing else of the line has")
+                taken.add(name)
+        for number, zone in enumerate(self.zones):
+            docks = [zone.track.check_dock(where, node) for where, node in self._docks(number)]
+            if len(set(docks)) < len(docks):
+                raise ParameterError(f"zones.{zone.name}: expected a dock of its own for each end, station and home")
+            zone.track.check_ways(f"zones.{zone.name}", docks, [v.home for v in zone.vehicles])
+        self.check_assignment(self.assignment)
+
+    def entry(self, zone: int) -> str:
+        """Dock at which boxes come into the zone of a number, from 0."""
+        return self.buffers[zone - 1].entry if zone else self.source.node
+
+    def exit(self, zone: int) -> str:
+        """Dock at which they leave it."""
+        return self.sink if zone == len(self.zones) - 1 else self.buffers[zone].exit
+
+    @property
+    def stations(self) -> tuple[StationPlan, ...]:
+        """All stations, zone by zone."""
+        return tuple(station for zone in self.zones for station in zone.stations)
+
+    def zone_of(self, station: str) -> int:
+        """Number of the zone of a station, from 0."""
+        return next(n for n, zone in enumerate(self.zones) if station in [s.name for s in zone.stations])
+
+    def able(self, operation: str) -> tuple[str, ...]:
+        """Names of the stations that can do an operation."""
+        return tuple(station.name for station in self.stations if operation in station.operations)
+
+    def check_assignment(self, assignment: Assignment) -> None:
+        """Checks that every operation is done by a station that can do it, and that no box has to go back a zone.
+
+        Raises:
+            ParameterError: it is not so.
+        """
+        names = [operation.name for operation in self.operations]
+        if set(assignment) != set(names):
+            raise ParameterError(f"assignment: expected a station for each of {', '.join(names)}, got {assignment}")
+        zone = 0
+        for name in names:
+            station = assignment[name]
+            if station not in self.able(name):
+                able = choices(self.able(name)) if self.able(name) else "a station that can do it: there is none"
+                raise ParameterError(f"assignment.{name}: expected {able}, got {station!r}")
+            if self.zone_of(station) < zone:
+                raise ParameterError(f"assignment.{name}: {station} is in a zone that boxes have left by then")
+            zone = self.zone_of(station)
+
+    def _docks(self, zone: int) -> list[tuple[str, str]]:
+        plan = self.zones[zone]
+        where = f"zones.{plan.name}"
+        return [
+            (f"{where}: entry", self.entry(zone)),
+            (f"{where}: exit", self.exit(zone)),
+            *((f"{where}.stations.{s.name}.node", s.node) for s in plan.stations),
+            *((f"{where}.vehicles.{v.name}.home", v.home) for v in plan.vehicles),
+        ]
+
+    def _check_zone(self, zone: ZonePlan) -> None:
+        where = f"zones.{zone.name}"
+        _check_count(f"{where}.stations", len(zone.stations), 1, MOST_STATIONS)
+        _check_count(f"{where}.vehicles", len(zone.vehicles), 1, MOST_VEHICLES)
+        known = [operation.name for operation in self.operations]
+        for station in zone.stations:
+            for name in station.operations:
+                if name not in known:
+                    place = f"{where}.stations.{station.name}.operations"
+                    raise ParameterError(f"{place}: expected {choices(known)}, got {name!r}")
+
+
+def _check_count(what: str, count: int, least: int, most: int) -> None:
+    if not least <= count <= most:
+        raise ParameterError(f"{what}: expected {least} to {most}, got {count}")

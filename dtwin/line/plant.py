@@ -1,0 +1,318 @@
+"""The plant of a line: boxes in slots, stations, vehicles and what they do to one another.
+
+A slot holds one box and reads its tag: 100 times the number of the box, and the number of its next operation. The
+slots of a zone are numbered as the block ORDER_DISPATCH does: 1 is where boxes come in, 2 where they leave, 2 s + 1
+and 2 s + 2 are those of boxes that wait at station s, and that it has finished.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from dtwin.errors import DtwinError
+from dtwin.line.line import FINISHED, Line, ZonePlan
+from dtwin.line.station import FREE, HOLDING, OFFERED, Report, Station
+from dtwin.line.track import DIAMETER
+from dtwin.line.vehicle import LOAD, Vehicle
+from dtwin.signals import EventKind
+
+ENTRY: Final = 1
+EXIT: Final = 2
+CYCLE: Final = 0.1
+"""Time from one sample of the line to the next, s."""
+TICKS: Final = 10
+"""Ticks of an arm in it."""
+
+
+@dataclass(slots=True)
+class LineBox:
+    """A box.
+
+    Attributes:
+        number: its number, from 1.
+        mass: its mass, kg.
+        done: number of operations that were done to it.
+    """
+
+    number: int
+    mass: float
+    done: int = 0
+
+
+@dataclass(slots=True)
+class StationState:
+    """A station and the boxes in it.
+
+    Attributes:
+        station: the station.
+        waits: number of the box that waits, 0 for none.
+        finished: number of the box that is finished, 0 for none.
+        worked: number of the box that the arm holds, 0 for none.
+        report: what the station told last.
+    """
+
+    station: Station
+    waits: int = 0
+    finished: int = 0
+    worked: int = 0
+    report: Report = field(default_factory=lambda: Report(FREE, 0, ()))
+
+
+@dataclass(frozen=True, slots=True)
+class LineEvent:
+    """Something that happened in the line.
+
+    Attributes:
+        time: plant time, s.
+        kind: what: entered, loaded, unloaded, work, done, lost, stopped, released, left, or collision.
+        who: station, vehicle or end of a zone.
+        box: number of the box, 0 for none.
+        text: more in words.
+    """
+
+    time: float
+    kind: str
+    who: str
+    box: int = 0
+    text: str = ""
+
+
+class Plant:
+    """The plant of a line.
+
+    Args:
+        line: the line.
+        stations: its stations by their names.
+        first: what stands in the slots at the beginning: nothing.
+
+    Attributes:
+        boxes: all boxes so far, by their numbers.
+        left: numbers of the boxes that have left, with the times, s.
+        vehicles: the vehicles by their names.
+        stations: the stations by their names.
+        buffers: numbers of the boxes in each buffer, the next one first.
+        events: what has happened since `drain`.
+        outside: boxes that wait in front of the source.
+        lost: boxes that were lost.
+        collisions: pairs of vehicles that touched one another, each counted once per touch.
+    """
+
+    def __init__(self, line: Line, stations: dict[str, Station]) -> None:
+        self.line = line
+        self.boxes: dict[int, LineBox] = {}
+        self.left: list[tuple[int, float]] = []
+        self.vehicles = {v.name: Vehicle(v, zone.track) for zone in line.zones for v in zone.vehicles}
+        self.stations = {name: StationState(station) for name, station in stations.items()}
+        self.buffers: list[deque[int]] = [deque() for _ in line.buffers]
+        self.events: list[LineEvent] = []
+        self.outside = 0
+        self.lost = 0
+        self.collisions = 0
+        self._source = 0
+        self._cycles = 0
+        self._arrived = 0
+        self._touching: set[tuple[str, str]] = set()
+        self._generator = np.random.default_rng(np.random.SeedSequence([line.seed, 49]))
+
+    @property
+    def time(self) -> float:
+        """Plant time, s."""
+        return round(self._cycles * CYCLE, 9)
+
+    def drain(self) -> list[LineEvent]:
+        """What has happened since the last call."""
+        events, self.events = self.events, []
+        return events
+
+    def advance(self, step: Callable[[int], dict[str, Report]] | None = None) -> None:
+        """Lets everything go on for one cycle.
+
+        Args:
+            step: lets all stations work for some ticks; one after the other in this process without it.
+        """
+        reports = step(TICKS) if step else {name: s.station.advance(TICKS) for name, s in self.stations.items()}
+        self._cycles += 1
+        for name, report in reports.items():
+            self._take_report(name, report)
+        for zone in self.line.zones:
+            for vehicle in zone.vehicles:
+                self._move(zone, self.vehicles[vehicle.name])
+        self._enter()
+        self._watch()
+
+    def tag(self, number: int, more: int = 0) -> int:
+        """Tag of a box, 0 for none, as it is after `more` operations."""
+        if not number:
+            return 0
+        done = self.boxes[number].done + more
+        return 100 * number + (done + 1 if done < len(self.line.operations) else FINISHED)
+
+    def entry_tag(self, zone: int) -> int:
+        """Tag of the box that comes next into a zone."""
+        waiting = self.buffers[zone - 1] if zone else ()
+        return self.tag(self._source if not zone else waiting[0] if waiting else 0)
+
+    def room(self, zone: int) -> int:
+        """Number of boxes for which there is room at the exit of a zone."""
+        if zone == len(self.line.zones) - 1:
+            return 100
+        return self.line.buffers[zone].capacity - len(self.buffers[zone])
+
+    def station_tags(self, name: str) -> tuple[int, int, int]:
+        """Tags of the boxes that wait, that are worked at (as they will be), and that are finished."""
+        state = self.stations[name]
+        return self.tag(state.waits), self.tag(state.worked, 1), self.tag(state.finished)
+
+    def offer(self, name: str, place: int) -> None:
+        """Offers the box that waits at a station to its arm, for the place of a number, from 1."""
+        state = self.stations[name]
+        if place and state.report.arm == FREE and state.waits:
+            box = self.boxes[state.waits]
+            colour = self.line.operations[box.done].place
+            state.station.give("bring", box.mass, colour)
+            state.report = Report(OFFERED, state.report.stop, ())
+
+    def in_line(self) -> int:
+        """Number of boxes in the line now, wherever they are."""
+        held = sum(bool(n) for s in self.stations.values() for n in (s.waits, s.worked, s.finished))
+        carried = sum(bool(vehicle.box) for vehicle in self.vehicles.values())
+        return held + carried + sum(map(len, self.buffers)) + bool(self._source)
+
+    def _say(self, kind: str, who: str, box: int = 0, text: str = "") -> None:
+        self.events.append(LineEvent(self.time, kind, who, box, text))
+
+    def _take_report(self, name: str, report: Report) -> None:
+        state = self.stations[name]
+        if bool(report.stop) != bool(state.report.stop):
+            self._say("stopped" if report.stop else "released", name, state.worked)
+        state.report = report
+        for event in report.events:
+            if event.kind == EventKind.PICKED:
+                state.worked, state.waits = state.waits, 0
+                self._say("work", name, state.worked, self.line.operations[self.boxes[state.worked].done].name)
+            elif event.kind == EventKind.DELIVERED:
+                self.boxes[state.worked].done += 1
+                state.finished, state.worked = state.worked, 0
+                self._say("done", name, state.finished)
+            elif event.kind in (EventKind.MISPLACED, EventKind.SLIPPED):
+                self.lost += 1
+                self._say("lost", name, state.worked, event.text)
+                state.worked = 0
+            elif event.kind == EventKind.FAULT:
+                self._say("fault", name, 0, event.text)
+
+    def _move(self, zone: ZonePlan, vehicle: Vehicle) -> None:
+        slot = vehicle.advance(CYCLE)
+        if not slot:
+            return
+        if vehicle.action == LOAD and not vehicle.box:
+            vehicle.box = self._take(zone, slot)
+            kind = "loaded"
+        elif vehicle.action != LOAD and vehicle.box and self._put(zone, slot, vehicle.box):
+            kind = "unloaded"
+        else:
+            vehicle.retry()
+            return
+        if not vehicle.box:
+            vehicle.retry()
+            return
+        self._say(kind, vehicle.plan.name, vehicle.box, self._name(zone, slot))
+        if kind == "unloaded":
+            vehicle.box = 0
+
+    def _name(self, zone: ZonePlan, slot: int) -> str:
+        if slot in (ENTRY, EXIT):
+            number = self.line.zones.index(zone)
+            return self.line.entry(number) if slot == ENTRY else self.line.exit(number)
+        return zone.stations[(slot - 3) // 2].name
+
+    def _take(self, zone: ZonePlan, slot: int) -> int:
+        """Takes a box out of a slot; its number, 0 for none."""
+        number = self.line.zones.index(zone)
+        if slot == ENTRY and number == 0:
+            box, self._source = self._source, 0
+            return box
+        if slot == ENTRY:
+            return self.buffers[number - 1].popleft() if self.buffers[number - 1] else 0
+        name = zone.stations[(slot - 3) // 2].name
+        state = self.stations[name]
+        if slot % 2 == 0:
+            box, state.finished = state.finished, 0
+            return box
+        if state.report.arm == HOLDING or not state.waits:
+            return 0 if state.report.arm != HOLDING else self._waiting(state)
+        if state.report.arm == OFFERED:
+            state.station.give("take")
+            state.report = Report(FREE, state.report.stop, ())
+        return self._waiting(state)
+
+    def _waiting(self, state: StationState) -> int:
+        box, state.waits = state.waits, 0
+        return box
+
+    def _put(self, zone: ZonePlan, slot: int, box: int) -> bool:
+        """Puts a box into a slot, if it is free."""
+        number = self.line.zones.index(zone)
+        if slot == EXIT and number == len(self.line.zones) - 1:
+            self.left.append((box, self.time))
+            self._say("left", self.line.sink, box)
+            return True
+        if slot == EXIT:
+            if self.room(number) < 1:
+                return False
+            self.buffers[number].append(box)
+            return True
+        state = self.stations[zone.stations[(slot - 3) // 2].name]
+        if slot % 2 == 0 or state.waits:
+            return False
+        state.waits = box
+        return True
+
+    def _enter(self) -> None:
+        """Lets boxes come, and into the source if it is empty."""
+        while self._arrived * self.line.source.every <= self.time:
+            self._arrived += 1
+            self.outside += 1
+        if self.outside and not self._source:
+            source = self.line.source
+            mass = source.lightest + (source.heaviest - source.lightest) * float(self._generator.random())
+            self._source = len(self.boxes) + 1
+            self.boxes[self._source] = LineBox(self._source, mass)
+            self.outside -= 1
+            self._say("entered", source.node, self._source)
+
+    def _watch(self) -> None:
+        """Looks for vehicles that touch one another, whatever control believes."""
+        touching = set()
+        for zone in self.line.zones:
+            places = [(v.name, self.vehicles[v.name].position) for v in zone.vehicles]
+            for k, (one, a) in enumerate(places):
+                for other, b in places[k + 1 :]:
+                    if math.dist(a, b) < DIAMETER - 1e-9:
+                        touching.add((one, other))
+        for one, other in sorted(touching - self._touching):
+            self.collisions += 1
+            self._say("collision", one, 0, other)
+        self._touching = touching
+
+
+def check_boxes(plant: Plant) -> None:
+    """Checks that every box is somewhere.
+
+    Raises:
+        DtwinError: boxes are missing, or there are too many.
+    """
+    found = plant.in_line() + len(plant.left) + plant.lost
+    if found != len(plant.boxes):
+        raise DtwinError(f"boxes of the line: expected {len(plant.boxes)}, found {found}")
+
+
+def positions(vehicles: Sequence[Vehicle]) -> list[tuple[float, float]]:
+    """Where vehicles are, m."""
+    return [vehicle.position for vehicle in vehicles]

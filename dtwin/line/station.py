@@ -1,0 +1,248 @@
+"""Stations as the line sees them: a cell with an emulated arm and its own function blocks, or one that only takes time.
+
+What goes in and out are values, so that a station may as well be a process of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Final, Literal, Protocol
+
+from dtwin.controller.embedded import EmbeddedController
+from dtwin.controller.ports import STOP, VERDICT
+from dtwin.controller.sequence import SequenceSettings
+from dtwin.emulation.boxes import Box, Deliveries
+from dtwin.emulation.emulation import Emulation
+from dtwin.emulation.faults import parse_fault
+from dtwin.emulation.machine.files import machine_of
+from dtwin.errors import ParameterError
+from dtwin.line.line import StationPlan
+from dtwin.line.system import task_of
+from dtwin.logs.collecting import RunLog
+from dtwin.logs.log import Log
+from dtwin.parameters import PERIOD, ArmParameters
+from dtwin.run.cell_file import CellFile, cell_of
+from dtwin.run.compiled_ticks import CompiledTicks
+from dtwin.run.loop import run
+from dtwin.run.settings import CellSettings, metadata
+from dtwin.controller.settings import ControlSettings
+from dtwin.signals import Event, EventKind
+from iec61499.native.resource import NativeResource
+
+FREE: Final = 0
+OFFERED: Final = 1
+HOLDING: Final = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Input:
+    """Something that the line does to a station between two ticks.
+
+    Attributes:
+        tick: number of ticks before it.
+        kind: "bring" a box of a mass (kg) that belongs to a place, "take" the waiting one away, tell the blocks that
+            the arm has "failed" or that its "angles unknown", "release" a stopped arm, or let a "fault" begin.
+        mass: mass of the box, kg.
+        text: place of the box, or the fault.
+    """
+
+    tick: int
+    kind: Literal["bring", "take", "failed", "angles unknown", "release", "fault"]
+    mass: float = 0.0
+    text: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """What a station tells after some ticks.
+
+    Attributes:
+        arm: FREE, OFFERED or HOLDING.
+        stop: number of the stop in force, 0 for none.
+        events: what has happened.
+    """
+
+    arm: int
+    stop: int
+    events: tuple[Event, ...]
+
+
+class Station(Protocol):
+    """A station."""
+
+    def give(self, kind: str, mass: float = 0.0, text: str = "") -> None:
+        """Does something to it before the next tick; the kinds are those of `Input`."""
+
+    def advance(self, ticks: int) -> Report:
+        """Lets it work for some ticks of 10 ms."""
+
+
+class EmulatedStation:
+    """A cell of its own in this process.
+
+    Args:
+        plan: what it is.
+
+    Attributes:
+        log: its log, the same to the byte as that of the cell alone with the same `inputs`.
+        inputs: everything that was done to it.
+
+    Raises:
+        DtwinError: its cell cannot be.
+    """
+
+    def __init__(self, plan: StationPlan) -> None:
+        settings = cell_settings(plan)
+        self._controller = EmbeddedController(
+            settings.control, settings.blocks, SequenceSettings(task=settings.task)
+        )
+        self._emulation = Emulation(
+            machine=settings.machine,
+            parameters=settings.arm,
+            noise=settings.noise,
+            noise_kind=settings.noise_kind,
+            seed=settings.seed,
+            faults=settings.faults,
+            task=settings.task,
+            deliveries=Deliveries(),
+        )
+        self.log = RunLog(metadata(settings))
+        self.inputs: list[Input] = []
+        self.colours = settings.task.colours
+        blocks = self._controller.resource
+        self._stop = blocks.reader([STOP])
+        self._verdict = blocks.server(VERDICT.block)
+        self._ahead = (
+            CompiledTicks(self._emulation, self._controller, blocks, self.log).run
+            if isinstance(blocks, NativeResource)
+            else None
+        )
+        self._arm = FREE
+        self._ticks = 0
+
+    def give(self, kind: str, mass: float = 0.0, text: str = "") -> None:
+        self.apply(Input(self._ticks, kind, mass, text))  # type: ignore[arg-type]
+
+    def apply(self, given: Input) -> None:
+        """Does something to it before the next tick, and notes it.
+
+        Raises:
+            ParameterError: the box belongs to no place, or comes while the arm is not free; or it is a kind that
+                there is not.
+        """
+        if given.kind == "bring":
+            if given.text not in self.colours or self._arm != FREE:
+                raise ParameterError(f"bring: expected a box for {self.colours} and a free arm, got {given}")
+            self._emulation.bring(Box(given.mass, given.text))
+            self._arm = OFFERED
+        elif given.kind == "take":
+            self._emulation.bring(None)
+            self._arm = FREE
+        elif given.kind == "fault":
+            self._emulation.inject([parse_fault(given.text)])
+        else:
+            state = {"failed": 2, "angles unknown": 3, "release": 0}[given.kind]
+            self._verdict.exchange((state, 1.0, given.kind == "release"))
+        self.inputs.append(given)
+
+    def advance(self, ticks: int) -> Report:
+        run(self._emulation, self._controller, ticks, record=self.log.append, ahead=self._ahead)
+        self._ticks += ticks
+        events = [*self._emulation.drain_events(), *self._controller.drain_events()]
+        events.sort(key=lambda event: event.time)
+        self.log.add_events(events)
+        for event in events:
+            if event.kind == EventKind.PICKED:
+                self._arm = HOLDING
+            elif event.kind in (EventKind.DELIVERED, EventKind.MISPLACED, EventKind.SLIPPED):
+                self._arm = FREE
+        (stop,) = self._stop()
+        return Report(self._arm, stop, tuple(events))
+
+
+def replayed(plan: StationPlan, inputs: Iterable[Input], ticks: int) -> Log:
+    """The log of a station alone, to which the same is done at the same times.
+
+    Raises:
+        DtwinError: its cell cannot be.
+    """
+    station, done = EmulatedStation(plan), 0
+    for given in inputs:
+        if given.tick > done:
+            station.advance(given.tick - done)
+            done = given.tick
+        station.apply(given)
+    station.advance(ticks - done)
+    return station.log.freeze()
+
+
+def cell_settings(plan: StationPlan) -> CellSettings:
+    """The settings of the cell that a station is.
+
+    Raises:
+        DtwinError: its file or machine cannot be used.
+    """
+    file = CellFile() if plan.cell_file is None else cell_of(plan.cell_file)
+    control = ControlSettings(law=file.law, target_time=file.target_time, payload=file.payload)
+    return CellSettings(
+        seed=plan.seed,
+        noise=file.noise,
+        noise_kind=file.noise_kind,
+        faults=(*file.faults, *map(parse_fault, plan.faults)),
+        arm=ArmParameters().with_values(dict(file.arm)),
+        control=control,
+        machine=machine_of(plan.machine or file.machine),
+        task=task_of(plan),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class WorkTimes:
+    """How long an arm takes.
+
+    Attributes:
+        grip: from the offer of a box to an arm that waits for it until it is held, s.
+        carry: from there until it is at its place, s, by the place.
+        back: from there until the arm waits for the next box, s, by the place.
+    """
+
+    grip: float
+    carry: Mapping[str, float]
+    back: Mapping[str, float]
+
+
+class TimedStation:
+    """A station that takes time and does nothing else: what a twin makes of one.
+
+    Args:
+        times: how long it takes.
+    """
+
+    def __init__(self, times: WorkTimes) -> None:
+        self._times = times
+        self._time = 0.0
+        self._ready = 4.0
+        self._place = ""
+        self._picks = self._delivers = 0.0
+        self._arm = FREE
+
+    def give(self, kind: str, mass: float = 0.0, text: str = "") -> None:
+        if kind == "bring":
+            self._arm, self._place = OFFERED, text
+            self._picks = max(self._time, self._ready) + self._times.grip
+            self._delivers = self._picks + self._times.carry[text]
+        elif kind == "take":
+            self._arm = FREE
+
+    def advance(self, ticks: int) -> Report:
+        self._time += PERIOD * ticks
+        events = []
+        if self._arm == OFFERED and self._picks <= self._time:
+            self._arm = HOLDING
+            events.append(Event(self._picks, EventKind.PICKED, ""))
+        if self._arm == HOLDING and self._delivers <= self._time:
+            self._arm = FREE
+            self._ready = self._delivers + self._times.back[self._place]
+            events.append(Event(self._delivers, EventKind.DELIVERED, ""))
+        return Report(self._arm, 0, tuple(events))

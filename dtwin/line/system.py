@@ -1,0 +1,320 @@
+"""The control of a line as a system of IEC 61499: one application, with a device for each station, vehicle group and
+zone.
+
+The application knows no devices: its connections between blocks on different ones are made of PUBLISH and SUBSCRIBE
+blocks when it is loaded, and are plain connections where all is mapped to one resource. Plant and twins are clients
+of its SERVER blocks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Final
+from xml.sax.saxutils import quoteattr
+
+from iec61499.mapping import literal_of
+from iec61499.model import (
+    ApplicationDeclaration,
+    Block,
+    Connection,
+    DeviceDeclaration,
+    FBNetwork,
+    Mapping as Mapped,
+    Parameter,
+    ResourceDeclaration,
+    System,
+    TypeHeader,
+)
+
+from dtwin.line.line import MOST_OPERATIONS, MOST_STATIONS, Line, StationPlan, VehiclePlan, ZonePlan
+from dtwin.run.cell_file import cell_of
+from dtwin.task import DEFAULT_TASK, Task
+
+APPLICATION: Final = "LINE"
+RESOURCE: Final = "EMB_RES"
+_PLANT: Final = "_PLANT"
+_FIRST_PORT: Final = 61600
+"""Port of the first SERVER block; each further one has the next."""
+_WIDTH, _HEIGHT = 2600.0, 2200.0
+"""Room that a block is given in the drawing."""
+
+
+def plant_of(name: str) -> str:
+    """Name of the SERVER block at which the plant of a zone, station or vehicle is a client."""
+    return f"{_upper(name)}{_PLANT}"
+
+
+def setup_of(zone: str) -> str:
+    """Name of the SERVER block that takes the set-up of a zone."""
+    return f"{_upper(zone)}_SETUP"
+
+
+def task_of(station: StationPlan) -> Task:
+    """What the cell of a station has to do."""
+    return DEFAULT_TASK if station.cell_file is None else cell_of(station.cell_file).task
+
+
+@dataclass
+class _Drawing:
+    """An application that is being drawn, and where its blocks run."""
+
+    blocks: list[Block] = field(default_factory=list)
+    events: list[Connection] = field(default_factory=list)
+    data: list[Connection] = field(default_factory=list)
+    places: dict[str, str] = field(default_factory=dict)
+    ports: int = 0
+
+    def block(self, device: str, name: str, kind: str, comment: str, **values: str) -> str:
+        row = sum(place == device for place in self.places.values())
+        column = list(dict.fromkeys([*self.places.values(), device])).index(device)
+        parameters = tuple(Parameter(key, value) for key, value in values.items())
+        self.blocks.append(Block(name, kind, parameters, 200.0 + _WIDTH * row, 200.0 + _HEIGHT * column, comment))
+        self.places[name] = device
+        return name
+
+    def server(self, device: str, name: str, sends: int, receives: int, comment: str) -> str:
+        identity = f"'localhost:{_FIRST_PORT + self.ports}'"
+        self.ports += 1
+        return self.block(device, name, f"SERVER_{sends}_{receives}", comment, QI="TRUE", ID=identity)
+
+    def event(self, source: str, *destinations: str) -> None:
+        self.events += (Connection(source, destination) for destination in destinations)
+
+    def wires(self, source: str, destination: str, names: Mapping[str, str]) -> None:
+        """Data connections from outputs of a block to inputs of another one, by their names."""
+        self.data += (Connection(f"{source}.{out}", f"{destination}.{into}") for out, into in names.items())
+
+
+def system(line: Line) -> System:
+    """The control of a line."""
+    drawing = _Drawing()
+    for zone in line.zones:
+        _draw_zone(drawing, line, zone)
+    devices = tuple(
+        DeviceDeclaration(
+            name,
+            "FORTE_PC",
+            (_resource([block for block, place in drawing.places.items() if place == name]),),
+            (Parameter("MGR_ID", f"'localhost:{_FIRST_PORT - 1 - number}'"),),
+            comment,
+        )
+        for number, (name, comment) in enumerate(_devices(line).items())
+    )
+    network = FBNetwork(tuple(drawing.blocks), (), tuple(drawing.events), tuple(drawing.data))
+    application = ApplicationDeclaration(APPLICATION, network, f"Control of the line {line.name}")
+    mappings = tuple(
+        Mapped(f"{APPLICATION}.{block}", f"{device}.{RESOURCE}.{block}") for block, device in drawing.places.items()
+    )
+    header = TypeHeader(_upper(line.name), comment=f"Control of the line {line.name}", standard="61499-2")
+    return System(header, (application,), devices, mappings)
+
+
+def on_one_resource(whole: System) -> System:
+    """The same application on one device alone."""
+    blocks = [block.name for application in whole.applications for block in application.network.blocks]
+    device = DeviceDeclaration("ALL", "FORTE_PC", (_resource(blocks),))
+    mappings = tuple(replace(each, destination=f"ALL.{RESOURCE}") for each in whole.mappings)
+    return replace(whole, devices=(device,), mappings=mappings)
+
+
+def _resource(blocks: list[str]) -> ResourceDeclaration:
+    """A resource that initialises those of its blocks at which a plant is a client; these initialise the others."""
+    starts = tuple(Connection("START.COLD", f"{block}.INIT") for block in blocks if block.endswith(_PLANT))
+    return ResourceDeclaration(RESOURCE, RESOURCE, FBNetwork((), (), starts), comment="Its blocks")
+
+
+def device_of(station: str) -> str:
+    """Name of the device of a station."""
+    return f"STATION_{_upper(station)}"
+
+
+def _devices(line: Line) -> dict[str, str]:
+    found = {}
+    for zone in line.zones:
+        found[f"ZONE_{_upper(zone.name)}"] = f"Control of zone {zone.name}"
+        found[f"VEHICLES_{_upper(zone.name)}"] = f"Control of the vehicles of zone {zone.name}"
+        found |= {device_of(station.name): f"Control of station {station.name}" for station in zone.stations}
+    return found
+
+
+def _draw_zone(drawing: _Drawing, line: Line, zone: ZonePlan) -> None:
+    number, name, track = line.zones.index(zone), _upper(zone.name), zone.track
+    device = f"ZONE_{name}"
+    plant = drawing.server(
+        device, plant_of(zone.name), 1, 2, "The ends of the zone: next box and room in, orders out"
+    )
+    setup = drawing.server(device, setup_of(zone.name), 1, MOST_OPERATIONS, "Which station does which operation")
+    nodes = {f"NODE{k}": literal_of(track.number(s.node)) for k, s in enumerate(zone.stations, 1)}
+    nodes |= {f"NODE{k}": "0" for k in range(len(zone.stations) + 1, MOST_STATIONS + 1)}
+    dispatch = drawing.block(
+        device,
+        f"{name}_DISPATCH",
+        "ORDER_DISPATCH",
+        "Which vehicle brings which box where",
+        ENTRY_NODE=literal_of(track.number(line.entry(number))),
+        EXIT_NODE=literal_of(track.number(line.exit(number))),
+        **nodes,
+        VEHICLES=literal_of(len(zone.vehicles)),
+        OPERATIONS=literal_of(len(line.operations)),
+    )
+    router = drawing.block(
+        device, f"{name}_ROUTER", "TRACK_ROUTER", "Who may drive where", **router_parameters(line, number)
+    )
+    drawing.event(f"{plant}.INITO", f"{setup}.INIT")
+    drawing.event(f"{setup}.INITO", f"{dispatch}.INIT")
+    drawing.event(f"{dispatch}.INITO", f"{router}.INIT")
+    drawing.event(f"{plant}.IND", f"{dispatch}.REQ")
+    drawing.event(f"{dispatch}.CNF", f"{plant}.RSP")
+    drawing.event(f"{setup}.IND", f"{dispatch}.SETUP")
+    drawing.event(f"{dispatch}.SETUPO", f"{setup}.RSP")
+    drawing.wires(plant, dispatch, {"RD_1": "ENTRY", "RD_2": "ROOM"})
+    drawing.wires(dispatch, plant, {"ORDERS": "SD_1"})
+    drawing.wires(setup, dispatch, {f"RD_{k}": f"S{k}" for k in range(1, MOST_OPERATIONS + 1)})
+    drawing.wires(dispatch, setup, {"SETUPS": "SD_1"})
+    for k, vehicle in enumerate(zone.vehicles, 1):
+        _draw_vehicle(drawing, zone, k, vehicle, dispatch, router)
+    for k, station in enumerate(zone.stations, 1):
+        _draw_station(drawing, line, k, station, dispatch)
+
+
+def _draw_vehicle(
+    drawing: _Drawing, zone: ZonePlan, k: int, vehicle: VehiclePlan, dispatch: str, router: str
+) -> None:
+    device = f"VEHICLES_{_upper(zone.name)}"
+    plant = drawing.server(device, plant_of(vehicle.name), 3, 4, f"Vehicle {vehicle.name}: where it is; what it does")
+    execution = drawing.block(
+        device,
+        f"{_upper(vehicle.name)}_EXECUTION",
+        "ORDER_EXECUTION",
+        f"Orders of vehicle {vehicle.name}",
+        HOME=literal_of(zone.track.number(vehicle.home)),
+    )
+    drawing.event(f"{plant}.INITO", f"{execution}.INIT")
+    drawing.event(f"{plant}.IND", f"{execution}.REQ")
+    drawing.event(f"{execution}.CNF", f"{dispatch}.VEHICLE{k}", f"{router}.REQ{k}")
+    drawing.event(f"{router}.CNF{k}", f"{plant}.RSP")
+    drawing.event(f"{dispatch}.ORDER{k}", f"{execution}.ORDER")
+    drawing.wires(plant, execution, {"RD_1": "AT", "RD_2": "STANDING", "RD_3": "LOADED", "RD_4": "BATTERY"})
+    drawing.wires(plant, router, {"RD_1": f"AT{k}"})
+    drawing.wires(plant, dispatch, {"RD_1": f"AT{k}"})
+    drawing.wires(execution, router, {"GOAL": f"GOAL{k}"})
+    drawing.wires(execution, dispatch, {"PHASE": f"PHASE{k}", "DONE": f"DONE{k}"})
+    drawing.wires(execution, plant, {"ACTION": "SD_2", "SLOT": "SD_3"})
+    drawing.wires(router, plant, {f"NEXT{k}": "SD_1"})
+    names = ("JOB", "TAKE_NODE", "TAKE_SLOT", "BRING_NODE", "BRING_SLOT")
+    drawing.wires(dispatch, execution, {f"{name}{k}": name for name in names})
+
+
+def _draw_station(drawing: _Drawing, line: Line, k: int, station: StationPlan, dispatch: str) -> None:
+    device, colours = device_of(station.name), task_of(station).colours
+    plant = drawing.server(
+        device, plant_of(station.name), 1, 5, f"Station {station.name}: tags, arm and stop in; what is offered out"
+    )
+    places = [
+        colours.index(operation.place) + 1 if operation.name in station.operations else 0
+        for operation in line.operations
+    ]
+    places += [0] * (MOST_OPERATIONS - len(places))
+    setup = drawing.block(
+        device,
+        f"{_upper(station.name)}_SETUP",
+        "STATION_SETUP",
+        f"What the arm of station {station.name} is offered",
+        **{f"PLACE{number}": literal_of(place) for number, place in enumerate(places, 1)},
+    )
+    drawing.event(f"{plant}.INITO", f"{setup}.INIT")
+    drawing.event(f"{plant}.IND", f"{setup}.REQ")
+    drawing.event(f"{setup}.CNF", f"{dispatch}.STATION{k}", f"{plant}.RSP")
+    drawing.event(f"{dispatch}.ENABLE", f"{setup}.SETUP")
+    drawing.wires(plant, setup, {"RD_1": "BOX_IN", "RD_3": "BOX_OUT", "RD_4": "ARM", "RD_5": "STOP"})
+    drawing.wires(plant, dispatch, {"RD_1": f"IN{k}", "RD_2": f"WORK{k}", "RD_3": f"OUT{k}"})
+    drawing.wires(setup, dispatch, {"STATE": f"STATE{k}"})
+    drawing.wires(setup, plant, {"OFFER": "SD_1"})
+    drawing.wires(dispatch, setup, {f"MASK{k}": "MASK"})
+
+
+def router_parameters(line: Line, zone: int) -> dict[str, str]:
+    """Literals for the inputs of TRACK_ROUTER of a zone."""
+    plan = line.zones[zone]
+    track = plan.track
+    docks = {line.entry(zone), line.exit(zone), *(s.node for s in plan.stations), *(v.home for v in plan.vehicles)}
+    ends = [(track.number(s.start), track.number(s.end)) for s in track.segments]
+    return track_parameters(
+        len(track.nodes), ends, {track.number(dock) for dock in docks}, [track.number(v.home) for v in plan.vehicles]
+    )
+
+
+def track_parameters(nodes: int, ends: list[tuple[int, int]], docks: set[int], homes: list[int]) -> dict[str, str]:
+    """Literals for the inputs of TRACK_ROUTER.
+
+    Args:
+        nodes: number of nodes, which are numbered from 1.
+        ends: nodes at which each segment begins and ends.
+        docks: nodes that no route passes.
+        homes: docks at which the vehicles begin.
+    """
+    starts, stops = [start for start, _ in ends], [stop for _, stop in ends]
+    return {
+        "NODES": literal_of(nodes),
+        "SEGMENTS": literal_of(len(ends)),
+        "VEHICLES": literal_of(len(homes)),
+        "FROM_NODE": _array(starts, 128),
+        "INTO_NODE": _array(stops, 128),
+        "DOCK": "[" + ", ".join(str(node in docks).upper() for node in range(1, 65)) + "]",
+        "HOME": _array(homes, 8),
+    }
+
+
+def _array(values: list[int], size: int) -> str:
+    return "[" + ", ".join(map(str, values + [0] * (size - len(values)))) + "]"
+
+
+def _upper(name: str) -> str:
+    return name.upper().replace("-", "_")
+
+
+def text_of(whole: System) -> str:
+    """A system of one application as 4diac IDE writes it."""
+    (application,) = whole.applications
+    name, comment = quoteattr(whole.header.name), quoteattr(whole.header.comment)
+    lines = [
+        '<?xml version="1.0" encoding="UTF-8"?>',
+        f"<System Name={name} Comment={comment}>",
+        '\t<Identification Standard="61499-2" Classification="Production line" ApplicationDomain="Intralogistics"'
+        f' Function={comment} Type="" Description="">',
+        "\t</Identification>",
+        '\t<VersionInfo Organization="dtwin" Version="1.0" Author="dtwin" Date="2026-11-27" Remarks="First version">',
+        "\t</VersionInfo>",
+        f"\t<Application Name={quoteattr(application.name)} Comment={quoteattr(application.comment)}>",
+        "\t\t<SubAppNetwork>",
+    ]
+    for block in application.network.blocks:
+        ends = f'Name="{block.name}" Type="{block.type_name}" Comment={quoteattr(block.comment)}'
+        lines.append(f'\t\t\t<FB {ends} x="{block.x}" y="{block.y}">')
+        lines += [f'\t\t\t\t<Parameter Name="{p.name}" Value={quoteattr(p.value)}/>' for p in block.parameters]
+        lines.append("\t\t\t</FB>")
+    for tag, connections in (
+        ("EventConnections", application.network.events),
+        ("DataConnections", application.network.data),
+    ):
+        lines.append(f"\t\t\t<{tag}>")
+        lines += [f"\t\t\t\t{_connection(connection)}" for connection in connections]
+        lines.append(f"\t\t\t</{tag}>")
+    lines += ["\t\t</SubAppNetwork>", "\t</Application>"]
+    for device in whole.devices:
+        lines.append(f'\t<Device Name="{device.name}" Type="{device.type_name}" Comment={quoteattr(device.comment)}>')
+        lines += [f'\t\t<Parameter Name="{p.name}" Value={quoteattr(p.value)}/>' for p in device.parameters]
+        for resource in device.resources:
+            ends = f'Name="{resource.name}" Type="{resource.type_name}" Comment={quoteattr(resource.comment)}'
+            lines += [f"\t\t<Resource {ends}>", "\t\t\t<FBNetwork>", "\t\t\t\t<EventConnections>"]
+            lines += [f"\t\t\t\t\t{_connection(c)}" for c in resource.network.events]
+            lines += ["\t\t\t\t</EventConnections>", "\t\t\t</FBNetwork>", "\t\t</Resource>"]
+        lines.append("\t</Device>")
+    lines += [f'\t<Mapping From="{each.source}" To="{each.destination}"/>' for each in whole.mappings]
+    lines += ["</System>", ""]
+    return "\n".join(lines)
+
+
+def _connection(connection: Connection) -> str:
+    return f'<Connection Source="{connection.source}" Destination="{connection.destination}" Comment=""/>'
