@@ -21,6 +21,7 @@ FLOORS = [
     {"dtwin.view", "dtwin.identification"},
     {"dtwin.monitoring", "dtwin.simulation", "dtwin.health"},
     {"dtwin.commissioning", "dtwin.recovery"},
+    {"dtwin.line"},
     {"dtwin.console"},
     {"dtwin.ai"},
     {"dtwin.services"},

@@ -84,7 +84,7 @@ class Devices:
         self._answers: dict[str, list[tuple[Any, ...]]] = {}
         self._ports = {}
         for resource in self.resources.values():
-            names = {node for node in resource.states()}
+            names = set(resource.states())
             for name in set(servers(line)) & names:
                 answers = self._answers[name] = []
                 self._ports[name] = resource.port(name)
@@ -121,8 +121,9 @@ class Devices:
 def servers(line: Line) -> list[str]:
     """Names of the SERVER blocks of a line."""
     zones = [name for zone in line.zones for name in (plant_of(zone.name), setup_of(zone.name))]
-    parts = [plant_of(part.name) for zone in line.zones for part in (*zone.stations, *zone.vehicles)]
-    return zones + parts
+    stations = [plant_of(station.name) for station in line.stations]
+    vehicles = [plant_of(vehicle.name) for zone in line.zones for vehicle in zone.vehicles]
+    return zones + stations + vehicles
 
 
 class Control:

@@ -1,4 +1,4 @@
-"""Stations as the line sees them: a cell with an emulated arm and its own function blocks, or one that only takes time.
+"""Stations as the line sees them: cells with an emulated arm and its function blocks, or ones that only take time.
 
 What goes in and out are values, so that a station may as well be a process of its own.
 """
@@ -12,6 +12,7 @@ from typing import Final, Literal, Protocol
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.ports import STOP, VERDICT
 from dtwin.controller.sequence import SequenceSettings
+from dtwin.controller.settings import ControlSettings
 from dtwin.emulation.boxes import Box, Deliveries
 from dtwin.emulation.emulation import Emulation
 from dtwin.emulation.faults import parse_fault
@@ -26,7 +27,6 @@ from dtwin.run.cell_file import CellFile, cell_of
 from dtwin.run.compiled_ticks import CompiledTicks
 from dtwin.run.loop import run
 from dtwin.run.settings import CellSettings, metadata
-from dtwin.controller.settings import ControlSettings
 from dtwin.signals import Event, EventKind
 from iec61499.native.resource import NativeResource
 
@@ -94,9 +94,7 @@ class EmulatedStation:
 
     def __init__(self, plan: StationPlan) -> None:
         settings = cell_settings(plan)
-        self._controller = EmbeddedController(
-            settings.control, settings.blocks, SequenceSettings(task=settings.task)
-        )
+        self._controller = EmbeddedController(settings.control, settings.blocks, SequenceSettings(task=settings.task))
         self._emulation = Emulation(
             machine=settings.machine,
             parameters=settings.arm,

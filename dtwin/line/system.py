@@ -8,11 +8,15 @@ of its SERVER blocks.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Final
+from typing import Any, Final
 from xml.sax.saxutils import quoteattr
 
+from dtwin.line.line import MOST_OPERATIONS, MOST_STATIONS, Line, StationPlan, VehiclePlan, ZonePlan
+from dtwin.line.track import MOST_NODES
+from dtwin.run.cell_file import cell_of
+from dtwin.task import DEFAULT_TASK, Task
 from iec61499.mapping import literal_of
 from iec61499.model import (
     ApplicationDeclaration,
@@ -20,16 +24,14 @@ from iec61499.model import (
     Connection,
     DeviceDeclaration,
     FBNetwork,
-    Mapping as Mapped,
     Parameter,
     ResourceDeclaration,
     System,
     TypeHeader,
 )
-
-from dtwin.line.line import MOST_OPERATIONS, MOST_STATIONS, Line, StationPlan, VehiclePlan, ZonePlan
-from dtwin.run.cell_file import cell_of
-from dtwin.task import DEFAULT_TASK, Task
+from iec61499.model import (
+    Mapping as Mapped,
+)
 
 APPLICATION: Final = "LINE"
 RESOURCE: Final = "EMB_RES"
@@ -159,7 +161,11 @@ def _draw_zone(drawing: _Drawing, line: Line, zone: ZonePlan) -> None:
         OPERATIONS=literal_of(len(line.operations)),
     )
     router = drawing.block(
-        device, f"{name}_ROUTER", "TRACK_ROUTER", "Who may drive where", **router_parameters(line, number)
+        device,
+        f"{name}_ROUTER",
+        "TRACK_ROUTER",
+        "Who may drive where",
+        **{key: _literal(value) for key, value in router_inputs(line, number).items()},
     )
     drawing.event(f"{plant}.INITO", f"{setup}.INIT")
     drawing.event(f"{setup}.INITO", f"{dispatch}.INIT")
@@ -234,19 +240,21 @@ def _draw_station(drawing: _Drawing, line: Line, k: int, station: StationPlan, d
     drawing.wires(dispatch, setup, {f"MASK{k}": "MASK"})
 
 
-def router_parameters(line: Line, zone: int) -> dict[str, str]:
-    """Literals for the inputs of TRACK_ROUTER of a zone."""
+def router_inputs(line: Line, zone: int) -> dict[str, Any]:
+    """Values for the inputs of TRACK_ROUTER of a zone."""
     plan = line.zones[zone]
     track = plan.track
     docks = {line.entry(zone), line.exit(zone), *(s.node for s in plan.stations), *(v.home for v in plan.vehicles)}
     ends = [(track.number(s.start), track.number(s.end)) for s in track.segments]
-    return track_parameters(
+    return track_inputs(
         len(track.nodes), ends, {track.number(dock) for dock in docks}, [track.number(v.home) for v in plan.vehicles]
     )
 
 
-def track_parameters(nodes: int, ends: list[tuple[int, int]], docks: set[int], homes: list[int]) -> dict[str, str]:
-    """Literals for the inputs of TRACK_ROUTER.
+def track_inputs(
+    nodes: int, ends: Sequence[tuple[int, int]], docks: set[int], homes: Sequence[int]
+) -> dict[str, Any]:
+    """Values for the inputs of TRACK_ROUTER.
 
     Args:
         nodes: number of nodes, which are numbered from 1.
@@ -254,20 +262,23 @@ def track_parameters(nodes: int, ends: list[tuple[int, int]], docks: set[int], h
         docks: nodes that no route passes.
         homes: docks at which the vehicles begin.
     """
-    starts, stops = [start for start, _ in ends], [stop for _, stop in ends]
     return {
-        "NODES": literal_of(nodes),
-        "SEGMENTS": literal_of(len(ends)),
-        "VEHICLES": literal_of(len(homes)),
-        "FROM_NODE": _array(starts, 128),
-        "INTO_NODE": _array(stops, 128),
-        "DOCK": "[" + ", ".join(str(node in docks).upper() for node in range(1, 65)) + "]",
-        "HOME": _array(homes, 8),
+        "NODES": nodes,
+        "SEGMENTS": len(ends),
+        "VEHICLES": len(homes),
+        "FROM_NODE": _filled([start for start, _ in ends], 2 * MOST_NODES),
+        "INTO_NODE": _filled([stop for _, stop in ends], 2 * MOST_NODES),
+        "DOCK": [node in docks for node in range(1, MOST_NODES + 1)],
+        "HOME": _filled(homes, 8),
     }
 
 
-def _array(values: list[int], size: int) -> str:
-    return "[" + ", ".join(map(str, values + [0] * (size - len(values)))) + "]"
+def _filled(values: Sequence[int], size: int) -> list[int]:
+    return [*values, *[0] * (size - len(values))]
+
+
+def _literal(value: Any) -> str:
+    return f"[{', '.join(map(_literal, value))}]" if isinstance(value, list) else literal_of(value)
 
 
 def _upper(name: str) -> str:

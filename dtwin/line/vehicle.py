@@ -97,9 +97,7 @@ class Vehicle:
 
     def sample(self) -> VehicleSample:
         """What it tells its control."""
-        return VehicleSample(
-            self._track.number(self.path[0]), self.standing, self.box != 0, math.floor(self.battery)
-        )
+        return VehicleSample(self._track.number(self.path[0]), self.standing, self.box != 0, math.floor(self.battery))
 
     def obey(self, command: VehicleCommand) -> None:
         """Takes a command; an action begins anew when it is another one than before."""
