@@ -73,7 +73,11 @@ class RunLog:
 
     def freeze(self) -> Log:
         """An independent copy of what has been collected so far."""
-        rows = np.frombuffer(self._rows, dtype=_ROW_DTYPE)
+        return self.since(0)
+
+    def since(self, first: int) -> Log:
+        """An independent copy of the ticks from a number on, with all events."""
+        rows = np.frombuffer(self._rows, dtype=_ROW_DTYPE, offset=first * _ROW.size)
         columns = {name: rows[name].copy() for name in COLUMNS}
         columns["box_colour"] = np.array(list(self._codes))[columns["box_colour"]]
         return Log(read_only(columns), tuple(self._events), self.metadata)

@@ -1,0 +1,267 @@
+"""A run of a line: plant, blocks and twins together, and what it leaves behind."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final, Literal
+
+import msgspec
+
+from dtwin.emulation.faults import parse_fault
+from dtwin.errors import ParameterError, choices
+from dtwin.line.control import Control, Devices, OneResource
+from dtwin.line.line import Assignment, Line
+from dtwin.line.plant import CYCLE, TICKS, LineEvent, Plant, check_boxes
+from dtwin.line.station import EmulatedStation, Station
+from dtwin.line.twins.node import NodeTwin
+from dtwin.line.twins.overall import Choice, OverallTwin, changed
+from dtwin.line.twins.zone import ZoneTwin
+from dtwin.line_file import LineFile
+from dtwin.monitoring.verdict import Finding
+from dtwin.parameters import PERIOD
+
+Mode = Literal["act", "propose", "off"]
+"""What the twins do with what they have decided: they carry it out, only write it down, or there are none."""
+_LOOK: Final = 10
+"""Cycles between two looks of the twins: a second."""
+_REPAIR: Final = 1.0
+"""Time after the end of a fault after which the operator releases the arm, s."""
+OPERATOR: Final = "operator"
+
+
+class Decision(msgspec.Struct, frozen=True):
+    """Something that was decided.
+
+    Attributes:
+        time: plant time, s.
+        who: twin, monitor or operator.
+        what: "finding", "stop", "set-up", "proposal", "none possible", "repair".
+        why: in words.
+        station: station that it is about, "" for the line.
+        assignment: which station does what from then on, empty if that does not change.
+        rate: boxes an hour that are expected then, 0 if nothing is.
+    """
+
+    time: float
+    who: str
+    what: str
+    why: str
+    station: str = ""
+    assignment: dict[str, str] = {}
+    rate: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class LineSettings:
+    """The settings of a run; equal settings give equal results, byte by byte.
+
+    Attributes:
+        duration: plant time, s.
+        twins: what the twins do.
+        faults: faults of stations' arms, by the name of the station: see `dtwin.emulation.faults`. When one that ends
+            is over, the operator releases the arm.
+        devices: whether the blocks run on a resource for each device, which talk by PUBLISH and SUBSCRIBE.
+    """
+
+    duration: float = 300.0
+    twins: Mode = "act"
+    faults: tuple[tuple[str, str], ...] = ()
+    devices: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """What the line does at a time, for its page.
+
+    Attributes:
+        time: plant time, s.
+        stations: what each station does: 0 waits, 1 works, 2 stopped, 3 its box is not fetched.
+        vehicles: what each vehicle does: 0 idle, 1 to a box, 2 with a box, 9 charging.
+        positions: where each vehicle is, m.
+        boxes: number of boxes in the line.
+        left: number of boxes that have left.
+    """
+
+    time: float
+    stations: tuple[int, ...]
+    vehicles: tuple[int, ...]
+    positions: tuple[tuple[float, float], ...]
+    boxes: int
+    left: int
+
+
+@dataclass
+class Course:
+    """What a run has been so far.
+
+    Attributes:
+        events: everything that has happened.
+        decisions: everything that was decided.
+        samples: what the line did, once a second.
+    """
+
+    events: list[LineEvent] = field(default_factory=list)
+    decisions: list[Decision] = field(default_factory=list)
+    samples: list[Sample] = field(default_factory=list)
+
+
+class LineRun:
+    """A line that runs.
+
+    Args:
+        line: the line.
+        settings: how it runs.
+        history: file to which every decision is appended.
+
+    Attributes:
+        plant: its plant.
+        control: its blocks.
+        course: what it has been so far.
+        assignment: which station does what now.
+
+    Raises:
+        DtwinError: a station, a fault or the blocks cannot be used.
+    """
+
+    def __init__(self, line: Line, settings: LineSettings, history: Path | None = None) -> None:
+        self.line, self.settings = line, settings
+        self.course = Course()
+        self._file = None if history is None else LineFile(history, Decision, "a decision of the line")
+        self.emulated = {station.name: EmulatedStation(station) for station in line.stations}
+        stations: dict[str, Station] = dict(self.emulated)
+        self.plant = Plant(line, stations)
+        self.control = Control(line, Devices(line) if settings.devices else OneResource(line))
+        self._nodes = {s.name: NodeTwin(s, line.source.lightest, line.source.heaviest) for s in line.stations}
+        self._zones = [ZoneTwin(line, number, self._nodes) for number in range(len(line.zones))]
+        self._overall = OverallTwin(line, self._zones)
+        self._repairs: list[tuple[float, str]] = []
+        self._stopped: set[str] = set()
+        self.wall = 0.0
+        self._inject(settings.faults)
+        self.assignment: Assignment = dict(line.assignment)
+        self.control.set_up(self.assignment)
+
+    @property
+    def time(self) -> float:
+        """Plant time, s."""
+        return self.plant.time
+
+    def run(self, progress: Callable[[float], None] = lambda time: None) -> None:
+        """Runs to the end.
+
+        Raises:
+            DtwinError: a box has vanished, or an arm or the blocks have failed.
+        """
+        began = time.perf_counter()
+        cycles = round(self.settings.duration / CYCLE)
+        for cycle in range(1, cycles + 1):
+            self.plant.advance()
+            self.control.step(self.plant)
+            if cycle % _LOOK == 0:
+                self._look()
+                progress(self.time)
+        self.wall = time.perf_counter() - began
+
+    def rate(self, since: float, until: float | None = None) -> float:
+        """Boxes an hour that have left between two times, s, from the first to the last of them."""
+        left = [at for _, at in self.plant.left if since < at <= (self.time if until is None else until)]
+        return 3600.0 * (len(left) - 1) / (left[-1] - left[0]) if len(left) > 1 else 0.0
+
+    def _inject(self, faults: tuple[tuple[str, str], ...]) -> None:
+        for name, text in faults:
+            if name not in self.emulated:
+                raise ParameterError(f"fault {name}:{text}: expected {choices(list(self.emulated))}, got {name!r}")
+            fault = parse_fault(text)
+            self.emulated[name].give("fault", text=text)
+            if fault.end is not None and fault.end < self.settings.duration:
+                self._repairs.append((fault.end + _REPAIR, name))
+        self._repairs.sort()
+
+    def _look(self) -> None:
+        """What happens once a second: the record, the repairs, and the twins."""
+        check_boxes(self.plant)
+        self.course.events += self.plant.drain()
+        self._sample()
+        while self._repairs and self._repairs[0][0] <= self.time:
+            self._repair(self._repairs.pop(0)[1])
+        if self.settings.twins != "off":
+            for name, node in self._nodes.items():
+                for finding in node.watch(self.emulated[name].log):
+                    self._answer(name, node, finding)
+
+    def _sample(self) -> None:
+        phases = self.control.phases()
+        states = []
+        for state in self.plant.stations.values():
+            blocked = 3 if state.finished and not state.worked else 0
+            states.append(2 if state.report.stop else 1 if state.report.arm else blocked)
+        positions = tuple(vehicle.position for vehicle in self.plant.vehicles.values())
+        left = len(self.plant.left)
+        self.course.samples.append(
+            Sample(self.time, tuple(states), tuple(phases.values()), positions, self.plant.in_line(), left)
+        )
+
+    def _answer(self, name: str, node: NodeTwin, finding: Finding) -> None:
+        """What follows from a finding: the arm is stopped if it can no longer do all, and its work is given away."""
+        self._decide(f"monitor of {name}", "finding", finding.text(), name)
+        if node.capability.ability == "all":
+            return
+        if name not in self._stopped:
+            self.emulated[name].give(node.state_of(finding))
+            self._stopped.add(name)
+            self._decide(f"twin of {name}", "stop", f"{node.capability.ability}: {node.capability.why}", name)
+        self._set_up(self._overall.choose(self.assignment), f"{name} can do {node.capability.ability}", name)
+
+    def _repair(self, name: str) -> None:
+        """The operator has repaired an arm and releases it; its work comes back."""
+        self.emulated[name].give("release")
+        self._nodes[name].repaired(round(self.time / PERIOD))
+        self._stopped.discard(name)
+        self._decide(OPERATOR, "repair", "the arm is repaired and released", name)
+        if self.settings.twins != "off":
+            self._set_up(self._returned(), f"{name} is repaired", name)
+
+    def _returned(self) -> Choice | None:
+        """The assignment of the line's file if it is possible again and as good as any, otherwise the best."""
+        return self._overall.choose(self.line.assignment)
+
+    def _set_up(self, choice: Choice | None, because: str, name: str) -> None:
+        if choice is None:
+            self._decide("overall twin", "none possible", f"{because}: no station can do all that is left", name)
+            return
+        if not changed(self.assignment, choice.assignment):
+            return
+        acts = self.settings.twins == "act"
+        moved = ", ".join(
+            f"{operation} from {self.assignment[operation]} to {station}"
+            for operation, station in choice.assignment.items()
+            if self.assignment[operation] != station
+        )
+        why = f"{because}: {moved}; {choice.why}"
+        what = "set-up" if acts else "proposal"
+        self._decide("overall twin", what, why, name, choice.assignment, choice.rate)
+        if acts:
+            self.control.set_up(choice.assignment)
+            self.assignment = choice.assignment
+
+    def _decide(
+        self,
+        who: str,
+        what: str,
+        why: str,
+        station: str = "",
+        assignment: Mapping[str, str] | None = None,
+        rate: float = 0.0,
+    ) -> None:
+        decision = Decision(self.time, who, what, why, station, dict(assignment or {}), rate)
+        self.course.decisions.append(decision)
+        if self._file is not None:
+            self._file.append(decision)
+
+
+def ticks(duration: float) -> int:
+    """Ticks of an arm in a duration of the line (s)."""
+    return TICKS * round(duration / CYCLE)

@@ -1,0 +1,156 @@
+"""The twin of a station: what its monitor finds, what its arm can still hold, and how long its work takes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Final, Literal
+
+from dtwin.errors import ParameterError
+from dtwin.line.line import StationPlan
+from dtwin.line.station import FREE, EmulatedStation, WorkTimes, cell_settings
+from dtwin.logs.collecting import RunLog
+from dtwin.monitoring.estimation.belief import NOISE_FLOOR, assumed
+from dtwin.monitoring.kinds import arm_state
+from dtwin.monitoring.monitor import Monitor
+from dtwin.monitoring.offline import stream
+from dtwin.monitoring.verdict import Finding
+from dtwin.parameters import PARAMETER_NAMES
+from dtwin.recovery.answers import answer_to
+from dtwin.recovery.strength import Strength
+from dtwin.signals import EventKind
+
+Ability = Literal["all", "some places", "lighter boxes", "nothing"]
+"""What an arm can still do."""
+_PATIENCE: Final = 3000
+"""Longest wait of a rehearsal for a box, ticks."""
+_START: Final = 800
+"""Ticks in which an arm comes from where it hangs to where boxes wait."""
+
+
+@dataclass(frozen=True, slots=True)
+class Capability:
+    """What an arm can still do, and why.
+
+    Attributes:
+        ability: in one word.
+        places: the places of its cell to which it can bring the heaviest box of the line.
+        why: in words.
+    """
+
+    ability: Ability
+    places: tuple[str, ...]
+    why: str
+
+
+class NodeTwin:
+    """The twin of a station.
+
+    Args:
+        plan: what it is.
+        lightest, heaviest: masses of the boxes of the line, kg.
+    """
+
+    def __init__(self, plan: StationPlan, lightest: float, heaviest: float) -> None:
+        self.plan = plan
+        settings = cell_settings(plan)
+        self._arm, self._task = settings.machine.arm(settings.arm), settings.task
+        noise = max(settings.noise, NOISE_FLOOR)
+        self._belief = assumed(self._arm, (noise, noise, noise))
+        self._masses = lightest, heaviest
+        self._strength = Strength.of(self._arm, heaviest, self._task)
+        self.capability = self._able()
+        self._monitor = Monitor(self._belief)
+        self._first = 0
+        self._told = 0
+
+    def _able(self) -> Capability:
+        return Capability("all", self._task.colours, "nothing is wrong")
+
+    @property
+    def times(self) -> WorkTimes:
+        """How long its work takes as long as nothing is wrong."""
+        return rehearsed(replace(self.plan, name="", node="", operations=(), seed=0, faults=()))
+
+    def repaired(self, row: int) -> None:
+        """The arm is as it was made to be; what it does is watched from a row of its log on."""
+        self.capability = self._able()
+        self._monitor, self._first, self._told = Monitor(self._belief), row, 0
+
+    def watch(self, log: RunLog) -> list[Finding]:
+        """Looks at what the log has since the last call; returns what was found out."""
+        if len(log) > self._first:
+            seen = stream(log.since(self._first))
+            seen.feed(self._monitor, 0, len(seen))
+            self._first = len(log)
+        found = self._monitor.history[self._told :]
+        self._told += len(found)
+        for each in found:
+            self.capability = self.judged(each)
+        return found
+
+    def state_of(self, finding: Finding) -> Literal["failed", "angles unknown"]:
+        """What a finding means to the blocks' safe stop."""
+        return "angles unknown" if arm_state(finding.fault) == "angles unknown" else "failed"
+
+    def judged(self, finding: Finding) -> Capability:
+        """What the arm can do with a finding, as recovery's table of answers and the weights at its places say."""
+        fault = finding.fault
+        answer = answer_to(fault)
+        if answer.measure == "go on":
+            return self.capability
+        name = str(fault)
+        if answer.measure == "stop" or name not in PARAMETER_NAMES:
+            able = answer.measure != "stop"
+            return Capability(
+                "all" if able else "nothing", self._task.colours if able else (), f"{finding.text()}: {answer.why}"
+            )
+        changed = self._arm.with_values({name: max(self._arm.get(name) * (1.0 + finding.size), 1e-6)})
+        lightest, heaviest = self._masses
+        heavy, light = (set(self._strength.beyond(changed, mass)) for mass in (heaviest, lightest))
+        places = () if "pickup" in heavy else tuple(p for p in self._task.colours if p not in heavy)
+        ability: Ability = "some places" if places else "nothing"
+        if not heavy:
+            ability = "all"
+        elif not places and not light:
+            ability = "lighter boxes"
+        beyond = f"it cannot hold {heaviest:g} kg at {', '.join(sorted(heavy))}" if heavy else "it can hold every box"
+        return Capability(ability, places, f"{finding.text()}: {beyond}")
+
+
+@lru_cache(maxsize=256)
+def rehearsed(plan: StationPlan) -> WorkTimes:
+    """How long the arm of a station takes: measured in a run of a cell that is as the station was made to be.
+
+    Raises:
+        DtwinError: the cell cannot be, or its arm brings no box to a place.
+    """
+    station = EmulatedStation(plan)
+    task = cell_settings(plan).task
+    now = 0
+
+    def brings(colour: str) -> tuple[float, float]:
+        """Times at which a box that is brought now is picked and delivered, s."""
+        nonlocal now
+        station.give("bring", task.boxes.middle, colour)
+        times: dict[str, float] = {}
+        for _ in range(_PATIENCE):
+            report = station.advance(1)
+            now += 1
+            times |= {event.kind: event.time for event in report.events}
+            if report.arm == FREE and EventKind.DELIVERED in times:
+                return times[EventKind.PICKED], times[EventKind.DELIVERED]
+        raise ParameterError(f"station {plan.cell_file or 'default'}: its arm brings no box to {colour}")
+
+    station.advance(_START)
+    now = _START
+    grip, carry, back = 0.0, {}, {}
+    for colour in task.colours:
+        began = 0.01 * now
+        picked, delivered = brings(colour)
+        grip, carry[colour] = picked - began, delivered - picked
+        again, _ = brings(colour)
+        back[colour] = again - delivered - grip
+        station.advance(_START)
+        now += _START
+    return WorkTimes(grip, carry, back)

@@ -1,0 +1,95 @@
+"""The twin of the line: it sees zones, not stations, and chooses which zone does which operations."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from dtwin.line.line import Assignment, Line
+from dtwin.line.station import WorkTimes
+from dtwin.line.twins.zone import HORIZON, Flow, ZoneTwin, simulated
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """What the twin of the line would have the zones do.
+
+    Attributes:
+        assignment: the station of every operation.
+        rate: boxes an hour that the line lets through, as the zones tell.
+        looked_at: number of ways to share the operations out that the zones were asked about.
+        why: in words.
+    """
+
+    assignment: dict[str, str]
+    rate: float
+    looked_at: int
+    why: str
+
+
+class OverallTwin:
+    """The twin of the line.
+
+    Args:
+        line: the line.
+        zones: the twins of its zones, in their order.
+    """
+
+    def __init__(self, line: Line, zones: Sequence[ZoneTwin]) -> None:
+        self._line, self._zones = line, zones
+
+    def choose(self, now: Assignment) -> Choice | None:
+        """The best way to share the operations out among the zones; None if they cannot all be done.
+
+        Boxes pass the zones in their order, so each zone does some operations in a row. What a zone makes of its own
+        is its twin's business. Of ways that are alike within half a percent the one with fewest changes is taken.
+
+        Args:
+            now: which station does what now.
+        """
+        found: list[tuple[Assignment, float]] = []
+        ways = 0
+        for shares in _shares([operation.name for operation in self._line.operations], len(self._zones)):
+            ways += 1
+            flows = [
+                zone.best(share, now) if share else Flow({}, 3600.0)
+                for zone, share in zip(self._zones, shares, strict=True)
+            ]
+            if any(flow is None for flow in flows):
+                continue
+            known = [flow for flow in flows if flow is not None]
+            whole = {name: station for flow in known for name, station in flow.assignment.items()}
+            rate = min([3600.0 / self._line.source.every, *(flow.rate for flow in known)])
+            found.append((whole, rate))
+        if not found:
+            return None
+        most = max(rate for _, rate in found)
+        good = [(whole, rate) for whole, rate in found if rate >= 0.995 * most]
+        assignment, rate = min(good, key=lambda each: (changed(now, each[0]), -each[1], sorted(each[0].items())))
+        slow = min(
+            (zone.rate({n: s for n, s in assignment.items() if s in zone.stations}), zone.name)
+            for zone in self._zones
+            if set(assignment.values()) & set(zone.stations)
+        )
+        why = f"{rate:.1f} boxes/h of {len(found)} possible ways, the slowest zone is {slow[1]}"
+        return Choice(dict(assignment), rate, ways, why)
+
+
+def changed(before: Assignment, after: Assignment) -> int:
+    """Number of operations that another station does."""
+    return sum(before.get(name) != station for name, station in after.items())
+
+
+def predicted(line: Line, times: Mapping[str, WorkTimes], assignment: Assignment, horizon: float = HORIZON) -> float:
+    """Boxes an hour that the whole line lets through with an assignment, by simulation."""
+    return simulated(replace(line, assignment=dict(assignment)), times, horizon)
+
+
+def _shares(operations: Sequence[str], zones: int) -> list[tuple[tuple[str, ...], ...]]:
+    """All ways to cut a row of operations into one part for each zone, which may be empty."""
+    found = []
+    for cuts in itertools.combinations_with_replacement(range(len(operations) + 1), zones - 1):
+        ends = [0, *cuts, len(operations)]
+        found.append(tuple(tuple(operations[a:b]) for a, b in zip(ends, ends[1:], strict=False)))
+    return found

@@ -1,0 +1,135 @@
+"""The twin of a zone: it lets the zone's own blocks run on stations that only take time, and so tells what it can do.
+
+The blocks that give orders and lead vehicles are those of the zone itself, and vehicles move as in the plant. Only
+the arms are left out: their twins say how long they take. That runs some hundred times faster than the plant.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Final
+
+from dtwin.line.control import Control, OneResource
+from dtwin.line.line import Assignment, Line
+from dtwin.line.plant import CYCLE, Plant
+from dtwin.line.station import Station, TimedStation, WorkTimes
+from dtwin.line.twins.node import NodeTwin
+
+WARM_UP: Final = 150.0
+"""Time of a simulation that does not count, s."""
+HORIZON: Final = 600.0
+"""Time of a simulation that counts, s."""
+_AT_ONCE: Final = 1.0
+"""Time between boxes where there is always another one, s."""
+
+
+@dataclass(frozen=True, slots=True)
+class Flow:
+    """What comes of an assignment.
+
+    Attributes:
+        assignment: the station of every operation.
+        rate: boxes that leave in an hour.
+    """
+
+    assignment: dict[str, str]
+    rate: float
+
+
+class ZoneTwin:
+    """The twin of a zone.
+
+    Args:
+        line: the line.
+        number: number of the zone, from 0.
+        nodes: the twins of its stations, by their names.
+    """
+
+    def __init__(self, line: Line, number: int, nodes: Mapping[str, NodeTwin]) -> None:
+        self.name = line.zones[number].name
+        self._line, self._number = line, number
+        self._nodes = {station.name: nodes[station.name] for station in line.zones[number].stations}
+        self._known: dict[tuple[tuple[str, str], ...], float] = {}
+
+    @property
+    def stations(self) -> tuple[str, ...]:
+        """Names of its stations."""
+        return tuple(self._nodes)
+
+    def assignments(self, operations: tuple[str, ...]) -> list[dict[str, str]]:
+        """All ways in which the stations, as they are now, can do some operations."""
+        return [
+            dict(zip(operations, names, strict=True))
+            for names in itertools.product(*(self.able(operation) for operation in operations))
+        ]
+
+    def able(self, operation: str) -> list[str]:
+        """The stations that can do an operation now: they are set up for it, and the arm can hold a box there."""
+        place = next(o.place for o in self._line.operations if o.name == operation)
+        return [
+            name
+            for name, node in self._nodes.items()
+            if operation in node.plan.operations and place in node.capability.places
+        ]
+
+    def best(self, operations: tuple[str, ...], now: Assignment) -> Flow | None:
+        """The way to do some operations that lets most boxes through; of equals the one with fewest changes.
+
+        None if the stations cannot do them.
+        """
+        found = [Flow(each, self.rate(each)) for each in self.assignments(operations)]
+        if not found:
+            return None
+
+        def changes(flow: Flow) -> int:
+            return sum(now.get(name) != station for name, station in flow.assignment.items())
+
+        most = max(flow.rate for flow in found)
+        good = [flow for flow in found if flow.rate >= 0.995 * most]
+        return min(good, key=lambda flow: (changes(flow), -flow.rate, sorted(flow.assignment.items())))
+
+    def rate(self, assignment: Assignment) -> float:
+        """Boxes an hour that leave the zone when there are always more, and room for them."""
+        key = tuple(sorted(assignment.items()))
+        if key not in self._known:
+            alone = zone_alone(self._line, self._number, assignment)
+            self._known[key] = simulated(alone, {name: node.times for name, node in self._nodes.items()})
+        return self._known[key]
+
+
+def zone_alone(line: Line, number: int, assignment: Assignment) -> Line:
+    """A zone as a line of its own, with the operations that it does, one at least."""
+    zone = line.zones[number]
+    operations = tuple(operation for operation in line.operations if operation.name in assignment)
+    stations = tuple(
+        replace(station, operations=tuple(name for name in station.operations if name in assignment))
+        for station in zone.stations
+    )
+    source = replace(line.source, node=line.entry(number), every=_AT_ONCE)
+    alone = replace(zone, stations=stations)
+    return Line(zone.name, operations, (alone,), source, (), line.exit(number), dict(assignment), line.seed)
+
+
+def simulated(
+    line: Line, times: Mapping[str, WorkTimes], horizon: float = HORIZON, warm_up: float = WARM_UP
+) -> float:
+    """Boxes an hour that leave a line whose arms take these times.
+
+    Args:
+        line: the line.
+        times: how long each station takes, by its name.
+        horizon: time that is counted, s.
+        warm_up: time before it, s.
+    """
+    stations: dict[str, Station] = {station.name: TimedStation(times[station.name]) for station in line.stations}
+    plant, control = Plant(line, stations), Control(line, OneResource(line))
+    control.set_up(line.assignment)
+    for _ in range(round((warm_up + horizon) / CYCLE)):
+        plant.advance()
+        control.step(plant)
+    left = [time for _, time in plant.left if time > warm_up]
+    if len(left) < 2:
+        return 3600.0 * len(left) / horizon
+    return 3600.0 * (len(left) - 1) / (left[-1] - left[0])
