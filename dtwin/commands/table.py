@@ -70,6 +70,11 @@ GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
             "cell.soak", "ExperimentSoak", "run all services for long, or trouble them; report"
         ),
     },
+    "the production line": {
+        "line run": Subcommand("line.run", "LineRunCommand", "run a line of cells with vehicles and twins"),
+        "line demo": Subcommand("line.run", "LineDemo", "show a line that goes on when an arm fails"),
+        "line report": Subcommand("line.run", "LineReport", "write the page of a run of a line"),
+    },
     "function blocks": {
         "fb check": Subcommand("blocks.library", "FbCheck", "check function-block files"),
         "fb format": Subcommand("iec61499.commands.formatting", "FbFormat", "lay out Structured Text of block types"),

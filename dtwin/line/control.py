@@ -1,11 +1,12 @@
 """The control of a line run in this process: all blocks on one resource, or a resource for each device.
 
 On one resource they run as machine code where it can be had. On many they talk by PUBLISH and SUBSCRIBE blocks, in
-process; what one sends waits in the other's queue, and they take turns until nobody has anything left to do.
+process; a message is handed over when the one before it has been read, until nobody has anything left to do.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, Protocol
@@ -19,10 +20,11 @@ from dtwin.line.system import RESOURCE, on_one_resource, plant_of, setup_of, sys
 from dtwin.line.vehicle import VehicleCommand
 from iec61499.library import Library
 from iec61499.mapping import resource_network
-from iec61499.runtime.communication import LocalTransport
+from iec61499.runtime.communication import Channel, CommunicationPort, LocalTransport, Values
 from iec61499.runtime.resource import Resource
 
-_ROUNDS: Final = 1000
+_MESSAGES: Final = 1000
+"""Most messages that may follow from one sample."""
 
 
 class Exchange(Protocol):
@@ -75,12 +77,13 @@ class Devices:
     """
 
     def __init__(self, line: Line, blocks: Path = BLOCKS) -> None:
-        library, transport = Library([blocks]), LocalTransport()
+        library, transport = Library([blocks]), _Post()
         whole = library.complete(system(line))
         self.resources = {
             device.name: Resource(resource_network(whole, f"{device.name}.{RESOURCE}"), library, transport)
             for device in whole.devices
         }
+        self._post = transport
         self._answers: dict[str, list[tuple[Any, ...]]] = {}
         self._ports = {}
         for resource in self.resources.values():
@@ -108,14 +111,37 @@ class Devices:
         return found.read(name)
 
     def _settle(self) -> None:
-        """Lets the devices take turns until none has an event left."""
-        for _ in range(_ROUNDS):
-            busy = [resource for resource in self.resources.values() if not resource.is_idle]
-            if not busy:
+        """Lets the devices run, and hands over one message after the other, until none has anything left to do."""
+        for _ in range(_MESSAGES):
+            for resource in self.resources.values():
+                if not resource.is_idle:
+                    resource.run_until_idle()
+            if not self._post.hand_over():
                 return
-            for resource in busy:
-                resource.run_until_idle()
-        raise CommunicationError(f"the devices of the line do not come to rest within {_ROUNDS} rounds")
+        raise CommunicationError(f"the devices of the line do not come to rest within {_MESSAGES} messages")
+
+
+class _Post:
+    """Carries messages between devices in this process, first in first out, each when the one before was read.
+
+    A SUBSCRIBE block has room for one message: what came while another one waits there would take its place.
+    """
+
+    def __init__(self) -> None:
+        self._local = LocalTransport()
+        self._waiting: deque[tuple[CommunicationPort, Values]] = deque()
+
+    def open(self, port: CommunicationPort) -> Channel:
+        return self._local.open(port, lambda values: self._waiting.append((port, values)))
+
+    def hand_over(self) -> bool:
+        """Hands the oldest message over; whether there was one."""
+        if not self._waiting:
+            return False
+        port, values = self._waiting.popleft()
+        if port.is_open:
+            port.deliver(values)
+        return True
 
 
 def servers(line: Line) -> list[str]:

@@ -14,7 +14,7 @@ from dtwin.emulation.faults import parse_fault
 from dtwin.errors import ParameterError, choices
 from dtwin.line.control import Control, Devices, OneResource
 from dtwin.line.line import Assignment, Line
-from dtwin.line.plant import CYCLE, TICKS, LineEvent, Plant, check_boxes
+from dtwin.line.plant import CYCLE, LineEvent, Plant, check_boxes
 from dtwin.line.station import EmulatedStation, Station
 from dtwin.line.twins.node import NodeTwin
 from dtwin.line.twins.overall import Choice, OverallTwin, changed
@@ -149,7 +149,7 @@ class LineRun:
         """Plant time, s."""
         return self.plant.time
 
-    def run(self, progress: Callable[[float], None] = lambda time: None) -> None:
+    def run(self, progress: Callable[[float], None] | None = None) -> None:
         """Runs to the end.
 
         Raises:
@@ -162,7 +162,8 @@ class LineRun:
             self.control.step(self.plant)
             if cycle % _LOOK == 0:
                 self._look()
-                progress(self.time)
+                if progress is not None:
+                    progress(self.time)
         self.wall = time.perf_counter() - began
 
     def rate(self, since: float, until: float | None = None) -> float:
@@ -189,8 +190,14 @@ class LineRun:
             self._repair(self._repairs.pop(0)[1])
         if self.settings.twins != "off":
             for name, node in self._nodes.items():
-                for finding in node.watch(self.emulated[name].log):
+                report = self.plant.stations[name].report
+                for finding in node.watch(self.emulated[name].log, report.arm):
                     self._answer(name, node, finding)
+                if report.stop and name not in self._stopped:
+                    self._stopped.add(name)
+                    node.stopped("the blocks have stopped the arm; what is wrong is not known yet")
+                    self._decide(f"blocks of {name}", "stop", "the arm left its path", name)
+                    self._set_up(self._overall.choose(self.assignment), f"{name} can do nothing", name)
 
     def _sample(self) -> None:
         phases = self.control.phases()
@@ -260,8 +267,3 @@ class LineRun:
         self.course.decisions.append(decision)
         if self._file is not None:
             self._file.append(decision)
-
-
-def ticks(duration: float) -> int:
-    """Ticks of an arm in a duration of the line (s)."""
-    return TICKS * round(duration / CYCLE)

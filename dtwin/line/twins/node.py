@@ -6,6 +6,8 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Final, Literal
 
+import numpy as np
+
 from dtwin.errors import ParameterError
 from dtwin.line.line import StationPlan
 from dtwin.line.station import FREE, EmulatedStation, WorkTimes, cell_settings
@@ -22,6 +24,16 @@ from dtwin.signals import EventKind
 
 Ability = Literal["all", "some places", "lighter boxes", "nothing"]
 """What an arm can still do."""
+AWAY: Final = 0.05
+"""Distance of a joint from its path from which on the monitor is asked, rad."""
+LATE: Final = 3000
+"""Ticks after which an arm that has not finished a box is late."""
+BEFORE: Final = 12_000
+"""Ticks before a suspicion that the monitor gets: it must see the arm at work to know that its model fits."""
+AFTER: Final = 1000
+"""Ticks for which it goes on after the last suspicion."""
+SETTLED: Final = 800
+"""Ticks that an arm takes to come to its path at the start, or after it was released."""
 _PATIENCE: Final = 3000
 """Longest wait of a rehearsal for a box, ticks."""
 _START: Final = 800
@@ -60,9 +72,10 @@ class NodeTwin:
         self._masses = lightest, heaviest
         self._strength = Strength.of(self._arm, heaviest, self._task)
         self.capability = self._able()
-        self._monitor = Monitor(self._belief)
-        self._first = 0
-        self._told = 0
+        self._monitor: Monitor | None = None
+        self._from = self._seen = self._told = self._suspected_until = 0
+        self._busy_since: int | None = None
+        self._known = False
 
     def _able(self) -> Capability:
         return Capability("all", self._task.colours, "nothing is wrong")
@@ -74,20 +87,47 @@ class NodeTwin:
 
     def repaired(self, row: int) -> None:
         """The arm is as it was made to be; what it does is watched from a row of its log on."""
-        self.capability = self._able()
-        self._monitor, self._first, self._told = Monitor(self._belief), row, 0
+        self.capability, self._known = self._able(), False
+        self._monitor, self._from, self._suspected_until, self._busy_since = None, row, 0, None
 
-    def watch(self, log: RunLog) -> list[Finding]:
-        """Looks at what the log has since the last call; returns what was found out."""
-        if len(log) > self._first:
-            seen = stream(log.since(self._first))
-            seen.feed(self._monitor, 0, len(seen))
-            self._first = len(log)
+    def watch(self, log: RunLog, arm: int) -> list[Finding]:
+        """Looks at what the log has since the last call; returns what was found out.
+
+        The monitor is asked when the arm leaves its path, or does not finish a box for long: it takes in the samples
+        since BEFORE that, which takes a hundred times longer than to look whether there is a reason.
+
+        Args:
+            log: log of the station.
+            arm: what the arm does: FREE, OFFERED or HOLDING.
+        """
+        rows, first = len(log), self._seen
+        self._seen = rows
+        if self._known or rows == first:
+            return []
+        new = log.since(first)
+        self._busy_since = self._busy_since if arm != FREE and self._busy_since is not None else rows
+        away = np.abs(new.stack("target") - new.stack("measured")).max()
+        late = arm != FREE and rows - self._busy_since > LATE
+        if rows > self._from + SETTLED and (away > AWAY or late):
+            self._suspected_until = rows + AFTER
+        if rows > self._suspected_until:
+            self._monitor = None
+            return []
+        if self._monitor is None:
+            self._monitor, self._told = Monitor(self._belief), 0
+            new = log.since(max(self._from, first - BEFORE))
+        seen = stream(new)
+        seen.feed(self._monitor, 0, len(seen))
         found = self._monitor.history[self._told :]
         self._told += len(found)
         for each in found:
             self.capability = self.judged(each)
+            self._known = self.capability.ability == "nothing"
         return found
+
+    def stopped(self, why: str) -> None:
+        """The arm was stopped, and nobody knows yet what it can do."""
+        self.capability = Capability("nothing", (), why)
 
     def state_of(self, finding: Finding) -> Literal["failed", "angles unknown"]:
         """What a finding means to the blocks' safe stop."""

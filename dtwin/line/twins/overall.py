@@ -91,5 +91,5 @@ def _shares(operations: Sequence[str], zones: int) -> list[tuple[tuple[str, ...]
     found = []
     for cuts in itertools.combinations_with_replacement(range(len(operations) + 1), zones - 1):
         ends = [0, *cuts, len(operations)]
-        found.append(tuple(tuple(operations[a:b]) for a, b in zip(ends, ends[1:], strict=False)))
+        found.append(tuple(tuple(operations[a:b]) for a, b in itertools.pairwise(ends)))
     return found

@@ -1,0 +1,117 @@
+"""What a run of a line leaves in its folder: how it went, what was decided, and the logs of its stations.
+
+RUN/course.json has line, events and samples; RUN/history.jsonl every decision as it was made; RUN/NAME.parquet the
+log of a station.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+import msgspec
+
+from dtwin.errors import RecordingError
+from dtwin.files import reason_of, replacing
+from dtwin.line.plant import LineEvent
+from dtwin.line.run import Decision, LineRun, Sample
+
+COURSE: Final = "course.json"
+HISTORY: Final = "history.jsonl"
+_LARGEST: Final = 1 << 28
+"""Largest course that is read, bytes."""
+
+
+class Kept(msgspec.Struct, frozen=True):
+    """How a run went.
+
+    Attributes:
+        line: name of the line.
+        stations, vehicles: their names.
+        operations: names of the operations.
+        duration: plant time, s.
+        entered, lost, collisions: number of boxes that came, of those that were lost, and of touches of vehicles.
+        left: times at which boxes left, s.
+        events, decisions, samples: see `dtwin.line.run.Course`.
+    """
+
+    line: str
+    stations: tuple[str, ...]
+    vehicles: tuple[str, ...]
+    operations: tuple[str, ...]
+    duration: float
+    entered: int
+    lost: int
+    collisions: int
+    left: tuple[float, ...]
+    events: tuple[LineEvent, ...]
+    decisions: tuple[Decision, ...]
+    samples: tuple[Sample, ...]
+
+
+def kept(run: LineRun) -> Kept:
+    """How a run went so far."""
+    plant, course = run.plant, run.course
+    return Kept(
+        run.line.name,
+        tuple(plant.stations),
+        tuple(plant.vehicles),
+        tuple(operation.name for operation in run.line.operations),
+        run.time,
+        len(plant.boxes),
+        plant.lost,
+        plant.collisions,
+        tuple(time for _, time in plant.left),
+        tuple(course.events),
+        tuple(course.decisions),
+        tuple(course.samples),
+    )
+
+
+def prepare(folder: Path) -> Path:
+    """Makes the folder of a run; the path of its history.
+
+    Raises:
+        RecordingError: it is not empty, or cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if any(folder.iterdir()):
+            raise RecordingError(f"{folder}: expected a new or an empty folder")
+    except OSError as error:
+        raise RecordingError(f"{folder}: {reason_of(error)}") from None
+    return folder / HISTORY
+
+
+def write(run: LineRun, folder: Path) -> None:
+    """Writes how a run went, and the logs of its stations.
+
+    Raises:
+        RecordingError: the folder cannot be written.
+    """
+    with replacing(folder / COURSE) as temporary:
+        temporary.write_bytes(msgspec.json.encode(kept(run)) + b"\n")
+    for name, station in run.emulated.items():
+        station.log.freeze().write_parquet(folder / f"{name}.parquet")
+
+
+def read(folder: Path) -> Kept:
+    """Reads how a run went.
+
+    Raises:
+        RecordingError: it cannot be read, or is not that of a run.
+    """
+    path = folder / COURSE
+    try:
+        with path.open("rb") as file:
+            data = file.read(_LARGEST + 1)
+    except OSError as error:
+        raise RecordingError(
+            f"{path}: {reason_of(error)}: expected the folder of a run of `dtwin line run`"
+        ) from None
+    if len(data) > _LARGEST:
+        raise RecordingError(f"{path}: expected at most {_LARGEST} bytes")
+    try:
+        return msgspec.json.decode(data, type=Kept)
+    except msgspec.MsgspecError as error:
+        raise RecordingError(f"{path}: expected the course of a line: {error}") from None

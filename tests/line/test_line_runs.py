@@ -1,0 +1,166 @@
+"""A line at work: nothing is lost, whatever it is set up for; its blocks do the same on one resource and on many."""
+
+import itertools
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+from dtwin.commands.line.run import DEMO
+from dtwin.emulation.boxes import Box, Deliveries
+from dtwin.emulation.emulation import Emulation
+from dtwin.errors import DtwinError
+from dtwin.line.control import Control, Devices, OneResource
+from dtwin.line.file import line_of
+from dtwin.line.kept import HISTORY, kept, prepare, read, write
+from dtwin.line.line import Line
+from dtwin.line.plant import Plant, check_boxes
+from dtwin.line.report import page, summary
+from dtwin.line.run import Decision, LineRun, LineSettings
+from dtwin.line.station import EmulatedStation, Input, TimedStation, WorkTimes, replayed
+from dtwin.line_file import LineFile
+
+LINE = line_of("default")
+PLACES = ("blue", "red", "green")
+TIMES = WorkTimes(0.5, dict.fromkeys(PLACES, 2.8), dict.fromkeys(PLACES, 2.3))
+
+
+def possible(names: tuple[str, ...]) -> bool:
+    """Whether the stations of the operations can do them, and no box has to go back a zone."""
+    try:
+        LINE.check_assignment(dict(zip(LINE.assignment, names, strict=True)))
+    except DtwinError:
+        return False
+    return True
+
+
+WAYS = [
+    dict(zip(LINE.assignment, names, strict=True))
+    for names in itertools.product(*(LINE.able(name) for name in LINE.assignment))
+    if possible(names)
+]
+
+
+def timed(line: Line) -> Plant:
+    return Plant(line, {station.name: TimedStation(TIMES) for station in line.stations})
+
+
+def worked(plant: Plant, control: Control, seconds: int) -> None:
+    for _ in range(10 * seconds):
+        plant.advance()
+        control.step(plant)
+        check_boxes(plant)
+
+
+def test_blocks_on_one_resource_and_on_many_devices_do_the_same() -> None:
+    plants = [timed(LINE), timed(LINE)]
+    for plant, blocks in zip(plants, (OneResource(LINE), Devices(LINE)), strict=True):
+        control = Control(LINE, blocks)
+        control.set_up(LINE.assignment)
+        worked(plant, control, 100)
+    one, many = plants
+    assert one.drain() == many.drain()
+    assert [vehicle.driven for vehicle in one.vehicles.values()] == [v.driven for v in many.vehicles.values()]
+    assert one.vehicles["b_agv1"].driven > 0
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_no_box_is_lost_and_none_stands_for_ever_whatever_the_line_is_set_up_for(seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    plant, control = timed(LINE), Control(LINE, OneResource(LINE))
+    control.set_up(LINE.assignment)
+    for _ in range(12):
+        worked(plant, control, int(generator.integers(5, 40)))
+        control.set_up(WAYS[int(generator.integers(len(WAYS)))])
+    control.set_up(LINE.assignment)
+    for _ in range(4):
+        before = len(plant.left)
+        worked(plant, control, 150)
+        assert len(plant.left) > before
+    assert (plant.lost, plant.collisions) == (0, 0)
+
+
+def test_the_log_of_an_arm_in_the_line_is_that_of_the_arm_alone() -> None:
+    plan = LINE.stations[0]
+    inside = EmulatedStation(plan)
+    inside.advance(800)
+    inside.give("bring", 0.2, "red")
+    for ticks in (10, 10, 30, 7, 300):
+        inside.advance(ticks)
+    inside.give("failed")
+    inside.advance(100)
+    inside.give("release")
+    inside.advance(100)
+    alone = replayed(plan, inside.inputs, 1357)
+    log = inside.log.freeze()
+    for name, column in log.columns.items():
+        np.testing.assert_array_equal(column, alone.columns[name])
+    assert (log.events, log.metadata) == (alone.events, alone.metadata)
+    assert {event.kind for event in log.events} >= {"arrived", "picked", "delivered"}
+
+
+def test_a_box_that_waits_can_be_taken_away() -> None:
+    station = EmulatedStation(LINE.stations[0])
+    station.give("bring", 0.2, "blue")
+    station.advance(2)
+    station.give("take")
+    events = station.advance(2).events
+    assert [event.kind for event in events] == ["taken_away"]
+    assert station.advance(800).arm == 0
+
+
+def test_deliveries_are_refused_where_boxes_come_by_themselves() -> None:
+    with pytest.raises(DtwinError, match="expected a cell with deliveries"):
+        Emulation().bring(Box(0.2, "blue"))
+    with pytest.raises(DtwinError, match="expected a cell to which boxes come by themselves"):
+        Emulation(deliveries=Deliveries()).state()
+    with pytest.raises(DtwinError, match="expected a box for"):
+        EmulatedStation(LINE.stations[0]).apply(Input(0, "bring", 0.2, "pink"))
+
+
+def test_a_run_is_kept_and_shown(tmp_path: Path) -> None:
+    settings = LineSettings(duration=12.0, twins="off", faults=(("a2", "K2*=0.1@2-9"),))
+    runs = []
+    for name in ("one", "other"):
+        folder = tmp_path / name
+        run = LineRun(LINE, settings, prepare(folder))
+        run.run()
+        write(run, folder)
+        runs.append(run)
+        assert read(folder) == msgspec.json.decode(msgspec.json.encode(kept(run)), type=type(kept(run)))
+        repaired = LineFile(folder / HISTORY, Decision, "a decision of the line").entries()
+        assert [(d.who, d.what, d.station) for d in repaired] == [("operator", "repair", "a2")]
+    for file in ("course.json", HISTORY, "a1.parquet", "a2.parquet"):
+        assert (tmp_path / "one" / file).read_bytes() == (tmp_path / "other" / file).read_bytes()
+    found = kept(runs[0])
+    assert summary(found)["lost"] == 0
+    text = page(found)
+    assert text.count("<svg") == 3
+    assert "the arm is repaired and released" in text
+    with pytest.raises(DtwinError, match="expected a new or an empty folder"):
+        prepare(tmp_path / "one")
+    (tmp_path / "one" / "course.json").write_text("{}")
+    with pytest.raises(DtwinError, match="expected the course of a line"):
+        read(tmp_path / "one")
+
+
+@pytest.mark.thorough
+def test_work_moves_when_an_arm_fails_and_comes_back_when_it_is_repaired() -> None:
+    run = LineRun(LINE, DEMO)
+    run.run()
+    (text,) = [text for _, text in DEMO.faults]
+    begins, ends = 137.5, 270.0
+    assert f"@{begins}-{ends:g}" in text
+    set_ups = [decision for decision in run.course.decisions if decision.what == "set-up"]
+    assert [decision.assignment["mark"] == "a2" for decision in set_ups] == [False, True]
+    assert begins < set_ups[0].time < begins + 5
+    assert ends < set_ups[1].time < ends + 5
+    held = next(e for e in run.course.events if e.kind == "stopped" and e.who == "a2")
+    assert held.box > 0
+    assert held.box in [number for number, _ in run.plant.left]
+    assert (run.plant.lost, run.plant.collisions) == (0, 0)
+    other = set_ups[0].assignment["mark"]
+    marked = [e.time for e in run.course.events if e.kind == "work" and e.who == other and e.text == "mark"]
+    assert marked
+    assert min(marked) > begins
