@@ -15,7 +15,16 @@ from dtwin import __version__
 from dtwin.logs.reading import read_log
 from dtwin.parameters import ROOT
 
-LINKS = ("services", "data/fb", "data/models", "data/config", "data/machines", "data/cells", "data/arms")
+LINKS = (
+    "services",
+    "data/fb",
+    "data/models",
+    "data/config",
+    "data/machines",
+    "data/cells",
+    "data/arms",
+    "data/lines",
+)
 """what of dtwin/ lies elsewhere in a checkout"""
 IGNORED = shutil.ignore_patterns("__pycache__", "*.egg-info", "build")
 
@@ -25,7 +34,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A wheel of a copy of the checkout, built from its source distribution."""
     folder = tmp_path_factory.mktemp("wheel")
     copy = folder / "checkout"
-    for name in ("dtwin", "services", "fb", "models", "config", "machines", "cells", "arms"):
+    for name in ("dtwin", "services", "fb", "models", "config", "machines", "cells", "arms", "lines"):
         shutil.copytree(ROOT / name, copy / name, symlinks=True, ignore=IGNORED)
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, copy / name)

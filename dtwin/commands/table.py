@@ -74,6 +74,9 @@ GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
         "line run": Subcommand("line.run", "LineRunCommand", "run a line of cells with vehicles and twins"),
         "line demo": Subcommand("line.run", "LineDemo", "show a line that goes on when an arm fails"),
         "line report": Subcommand("line.run", "LineReport", "write the page of a run of a line"),
+        "experiment line": Subcommand(
+            "line.experiment", "ExperimentLine", "let arms of a line fail at random; report"
+        ),
     },
     "function blocks": {
         "fb check": Subcommand("blocks.library", "FbCheck", "check function-block files"),

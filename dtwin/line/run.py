@@ -186,8 +186,6 @@ class LineRun:
         check_boxes(self.plant)
         self.course.events += self.plant.drain()
         self._sample()
-        while self._repairs and self._repairs[0][0] <= self.time:
-            self._repair(self._repairs.pop(0)[1])
         if self.settings.twins != "off":
             for name, node in self._nodes.items():
                 report = self.plant.stations[name].report
@@ -198,6 +196,9 @@ class LineRun:
                     node.stopped("the blocks have stopped the arm; what is wrong is not known yet")
                     self._decide(f"blocks of {name}", "stop", "the arm left its path", name)
                     self._set_up(self._overall.choose(self.assignment), f"{name} can do nothing", name)
+        # Last, because what stations told before is old then.
+        while self._repairs and self._repairs[0][0] <= self.time:
+            self._repair(self._repairs.pop(0)[1])
 
     def _sample(self) -> None:
         phases = self.control.phases()

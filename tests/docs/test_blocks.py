@@ -48,6 +48,8 @@ RUN: Final[dict[str, tuple[str, ...]]] = {
     "machine list": (),
     "machine show": (),
     "machine draw": (),
+    "line run": ("--duration", "2"),
+    "line report": (),
     "fb check": (),
     "fb test": (),
     "fb format": (),
@@ -112,6 +114,8 @@ READ: Final = {
     "optimise": MINUTES,
     "margins": MINUTES,
     "demo recovery": MINUTES,
+    "line demo": MINUTES,
+    "experiment line": MINUTES,
     "experiment accuracy": MINUTES,
     "experiment real": "reads logs that are not here: tests/commands/test_other_arms.py draws some",
     "experiment clearance": MINUTES,
@@ -141,6 +145,7 @@ PROGRAMS: Final = {
     "dask": "starts a cluster: tests/campaign/test_cluster.py has one",
 }
 HELD: Final = {
+    ("docs/line.md", "toml"): "tests/line/test_line_files.py",
     ("docs/real-logs.md", "toml"): "tests/measurements/test_spoiled.py",
     ("README.md", "python"): "tests/test_docs.py",
     ("README.md", "text"): "test_the_output_that_the_readme_shows_is_what_is_printed",
@@ -188,6 +193,7 @@ def read(words: list[str]) -> None:
     assert name, f"no command {words[:2]}"
     parse_options(COMMANDS[name].kind, name, words[len(name.split()) :])
     for fault in (words[k + 1] for k, word in enumerate(words) if word == "--fault"):
+        fault = fault.rpartition(":")[2]  # a station of a line may stand before it
         parse_fault(fault if "@" in fault else f"{fault}@0")
 
 

@@ -1,5 +1,6 @@
 """Line files: what is read, and what is told of a wrong one."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -59,3 +60,12 @@ def test_a_wrong_file_is_told(tmp_path: Path, old: str, new: str, message: str |
 def test_a_line_that_is_not_there() -> None:
     with pytest.raises(DtwinError, match=r"line 'mine': expected a file \(\*.toml\) or default"):
         line_of("mine")
+
+
+def test_the_line_of_the_page_is_read(tmp_path: Path) -> None:
+    (text,) = re.findall(r"```toml\n(.*?)```", (ROOT / "docs" / "line.md").read_text(), re.DOTALL)
+    path = tmp_path / "mine.toml"
+    path.write_text(text)
+    line = load(path)
+    assert [station.name for station in line.stations] == ["left", "right"]
+    assert line.stations[1].machine == "coulomb"

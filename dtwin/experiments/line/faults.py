@@ -1,0 +1,193 @@
+"""A line whose arms fail at random: what its twins do, what becomes of boxes, and what the best would have been."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from dtwin.campaign.spread import EVERY_CORE, Progress, Workforce, spread
+from dtwin.errors import DtwinError
+from dtwin.experiments.report import Report, page, table
+from dtwin.line.file import line_of
+from dtwin.line.line import Assignment, Line
+from dtwin.line.run import LineRun, LineSettings
+from dtwin.line.station import WorkTimes
+from dtwin.line.twins.node import rehearsed
+from dtwin.line.twins.overall import predicted
+
+CAUSES: Final = ("K1*=0.1", "K2*=0.1", "K3*=0.1", "lock2", "cut1", "freeze3")
+"""Causes that stop an arm, in the notation of faults without their times."""
+EARLIEST: Final = 80.0
+"""Time before which no arm fails, s: the line has filled by then."""
+SPAN: Final = 60.0
+"""Time within which it does, s."""
+SETTLING: Final = 60.0
+"""Time after a fault after which throughput counts, s."""
+STANDING: Final = 90.0
+"""Time without a box that leaves, after which a line counts as standing, s."""
+
+
+@dataclass(frozen=True, slots=True)
+class LineTrial:
+    """A run of a line with one fault, or none.
+
+    Attributes:
+        line: name or file of the line.
+        seed: number of the random generator of its boxes.
+        station: the station whose arm fails, "" for none.
+        fault: what happens to it.
+        begins: when it does, s.
+        duration: plant time, s.
+        twins: whether the twins act.
+    """
+
+    line: str
+    seed: int
+    station: str
+    fault: str
+    begins: float
+    duration: float
+    twins: bool
+
+
+@dataclass(frozen=True, slots=True)
+class LineOutcome:
+    """What became of a trial.
+
+    Attributes:
+        trial: the trial.
+        rate: boxes an hour that left after SETTLING; from EARLIEST on without a fault.
+        best: boxes an hour of the best assignment that the line could have had, by simulation of all.
+        noticed: time from the fault to the set-up that answers it, s; None if there was none.
+        lost, collisions: boxes that were lost, and touches of vehicles.
+        stood: whether no box left for STANDING at the end.
+    """
+
+    trial: LineTrial
+    rate: float
+    best: float
+    noticed: float | None
+    lost: int
+    collisions: int
+    stood: bool
+
+
+def trials(line: str, faults: int, healthy: int, duration: float, seed: int, without: bool) -> list[LineTrial]:
+    """Drawn trials: some without a fault, and each fault with acting twins, and without twins if that is asked for.
+
+    Args:
+        line: name or file of the line.
+        faults: number of faults.
+        healthy: number of runs without one.
+        duration: plant time of every run, s.
+        seed: number of the random generator of the faults; boxes of each run have the next ones.
+        without: whether every fault is also tried without twins.
+    """
+    generator = np.random.default_rng(seed)
+    stations = [station.name for station in line_of(line).stations]
+    drawn = [LineTrial(line, seed + k, "", "", 0.0, duration, True) for k in range(healthy)]
+    for k in range(faults):
+        station, cause = str(generator.choice(stations)), str(generator.choice(CAUSES))
+        begins = round(EARLIEST + SPAN * float(generator.random()), 2)
+        for twins in (True, False) if without else (True,):
+            drawn.append(LineTrial(line, seed + k, station, cause, begins, duration, twins))
+    return drawn
+
+
+def tried(trial: LineTrial) -> LineOutcome:
+    """Carries a trial out. Raises DtwinError: a box has vanished, or the line cannot be."""
+    line = replace(line_of(trial.line), seed=trial.seed)
+    fault = ((trial.station, f"{trial.fault}@{trial.begins}"),) if trial.station else ()
+    run = LineRun(line, LineSettings(trial.duration, "act" if trial.twins else "off", fault))
+    run.run()
+    since = trial.begins + SETTLING if trial.station else EARLIEST
+    answers = [d.time - trial.begins for d in run.course.decisions if d.what == "set-up" and trial.station]
+    left = [time for _, time in run.plant.left]
+    return LineOutcome(
+        trial,
+        run.rate(since),
+        best_rate(line, trial.station, trial.duration - since),
+        answers[0] if answers else None,
+        run.plant.lost,
+        run.plant.collisions,
+        not left or run.time - left[-1] > STANDING,
+    )
+
+
+def best_rate(line: Line, without: str, horizon: float) -> float:
+    """Boxes an hour of the best of all assignments that leave a station out ("" for none), each simulated."""
+    times = work_times(line)
+    return max((predicted(line, times, each, horizon) for each in possible(line, without)), default=0.0)
+
+
+def work_times(line: Line) -> Mapping[str, WorkTimes]:
+    """How long the arms of a line take, by the names of their stations."""
+    plain = {s.name: replace(s, name="", node="", operations=(), seed=0, faults=()) for s in line.stations}
+    return {name: rehearsed(plan) for name, plan in plain.items()}
+
+
+def possible(line: Line, without: str) -> list[Assignment]:
+    """All assignments that leave a station out."""
+    names = [operation.name for operation in line.operations]
+    able = [[station for station in line.able(name) if station != without] for name in names]
+    found: list[Assignment] = []
+    for stations in itertools.product(*able):
+        assignment = dict(zip(names, stations, strict=True))
+        try:
+            line.check_assignment(assignment)
+        except DtwinError:
+            continue
+        found.append(assignment)
+    return found
+
+
+def line_faults(
+    drawn: Sequence[LineTrial], workforce: Workforce = EVERY_CORE, progress: Progress = lambda done, of: None
+) -> list[LineOutcome]:
+    """Carries trials out.
+
+    Raises:
+        TaskError: one failed.
+    """
+    return spread(tried, drawn, workforce, progress)
+
+
+def kept_promises(outcomes: Sequence[LineOutcome]) -> bool:
+    """Whether no box was lost, nothing touched or stood, and throughput came to 95 % of the best (97 % healthy)."""
+    for outcome in outcomes:
+        if outcome.lost or outcome.collisions:
+            return False
+        share = 0.95 if outcome.trial.station else 0.97
+        if outcome.trial.twins and (outcome.stood or outcome.rate < share * outcome.best):
+            return False
+    return True
+
+
+def faults_report(outcomes: Sequence[LineOutcome]) -> Report:
+    """The page."""
+    header = ["station", "fault", "twins", "set up after s", "boxes/h", "best boxes/h", "share", "lost", "touched"]
+    rows = []
+    for outcome in outcomes:
+        trial = outcome.trial
+        rows.append(
+            [
+                trial.station or "-",
+                f"{trial.fault}@{trial.begins:g}" if trial.station else "none",
+                "act" if trial.twins else "off",
+                "-" if outcome.noticed is None else f"{outcome.noticed:.1f}",
+                f"{outcome.rate:.1f}",
+                f"{outcome.best:.1f}",
+                f"{100 * outcome.rate / outcome.best:.1f} %" if outcome.best else "-",
+                str(outcome.lost),
+                str(outcome.collisions),
+            ]
+        )
+    words = (
+        f"Throughput counts from {SETTLING:g} s after a fault on, from {EARLIEST:g} s on without one. The best is the"
+        " largest of all ways to share the operations out among the stations that are left, each simulated."
+    )
+    return page("A line whose arms fail", words, table(header, rows))
