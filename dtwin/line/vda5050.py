@@ -132,6 +132,13 @@ class Load(msgspec.Struct, frozen=True):
     loadId: str
 
 
+class SafetyState(msgspec.Struct, frozen=True):
+    """Whether the vehicle is stopped for safety; it never is."""
+
+    activeEmergencyStop: str = "NONE"
+    fieldViolation: bool = False
+
+
 class State(Header, frozen=True, kw_only=True):
     """How a vehicle is (6.10)."""
 
@@ -148,7 +155,7 @@ class State(Header, frozen=True, kw_only=True):
     loads: tuple[Load, ...]
     operatingMode: str = "AUTOMATIC"
     errors: tuple[dict[str, Any], ...] = ()
-    safetyState: dict[str, Any] = {"activeEmergencyStop": "NONE", "fieldViolation": False}
+    safetyState: SafetyState = SafetyState()
 
 
 def timestamp(time: float) -> str:
