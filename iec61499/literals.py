@@ -23,6 +23,7 @@ from iec61499.types import (
     text_of,
 )
 
+_CALL: Final = re.compile(r"[A-Za-z_]\w*\(.*\)", re.ASCII | re.DOTALL)
 _CONSTANT: Final = re.compile(r"(?:[A-Za-z_]\w*::)*?(?:([A-Za-z_]\w*)::)?[A-Za-z_]\w*", re.ASCII)
 """A name, such as `limits::MAXIMUM`; its group is that of the file."""
 _PREFIXES: Final = {
@@ -98,6 +99,8 @@ def _parse_value(text: str, data_type: ElementaryType) -> int:
 
 def constant_missing(text: str) -> str:
     """What the error of a literal says besides when it may be the name of a constant, else ""."""
+    if _CALL.fullmatch(text):
+        return "; values that are computed are not supported here"
     named = _CONSTANT.fullmatch(text)
     if named is None:
         return ""

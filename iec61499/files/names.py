@@ -98,10 +98,24 @@ def with_imports(root: XmlElement, names: Names) -> Names:
     return ImportingNames(names, [found.get("declaration").strip() for found in imports], package)
 
 
+_WORD: Final = re.compile(
+    rf"""(?P<text>'[^']*'|"[^"]*")|(?<![\w#.:$])(?P<name>{_NAME.pattern})(?!\s*(?::=|[\w#(]))""", re.ASCII
+)
+"""A text, or a name that stands for a value: no member `X :=`, no type `INT#`, no call."""
+
+
 def resolved(text: str, names: Names) -> str:
-    """A literal, or that of the global constant which the text names."""
-    found = names.constant(text.strip()) if _NAME.fullmatch(text.strip()) else None
-    return found.initial if found is not None else text
+    """A literal, or that of the global constant which the text names; in lists and structures each that is named."""
+
+    def constant(word: re.Match[str]) -> str:
+        found = names.constant(word["name"]) if word["name"] else None
+        return found.initial if found is not None else word[0]
+
+    plain = text.strip()
+    if _NAME.fullmatch(plain):
+        found = names.constant(plain)
+        return found.initial if found is not None else text
+    return _WORD.sub(constant, text) if plain[:1] in ("(", "[") else text
 
 
 def used_constants(texts: list[str], names: Names, own: Iterable[str]) -> tuple[model.Variable, ...]:

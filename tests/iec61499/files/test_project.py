@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from dtwin.errors import FunctionBlockError
+from iec61499.files.names import ImportingNames, resolved
 from iec61499.files.project import linked_folders, project_of
 from iec61499.library import Library
 from iec61499.lint.check import check
@@ -187,3 +188,32 @@ def test_a_file_in_no_project_has_the_types_of_the_folder_given(tmp_path: Path) 
     file.write_text(USER)
     assert [finding.rule for finding in check([file], None, "embedded", Settings())] == ["invalid"]
     assert check([file], None, "embedded", Settings(), [tmp_path]) == []
+
+
+def test_constants_inside_lists_and_structures_are_those_that_are_imported(tmp_path: Path) -> None:
+    (tmp_path / "LIMITS.gcf").write_text(LIMITS)
+    values = "[1, HIGH, INT#3]"
+    text = DOUBLE.replace(
+        'Name="X" Type="INT" InitialValue="HIGH"',
+        f'Name="X" Type="INT"/><VarDeclaration Name="L"\
+ Type="INT" ArraySize="3" InitialValue="{values}"',
+    )
+    (tmp_path / "DOUBLE.fbt").write_text(text)
+    block = Library([tmp_path]).find("DOUBLE")
+    assert [variable.initial for variable in block.interface.inputs if variable.name == "L"] == ["[1, 40, INT#3]"]
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("(HIGH := HIGH, T := 'HIGH', C := plant::LIMITS::HIGH)", "(HIGH := 40, T := 'HIGH', C := 40)"),
+        ("[2(HIGH), COLOUR#HIGH, MAX(HIGH)]", "[2(40), COLOUR#HIGH, MAX(40)]"),
+        ("'HIGH'", "'HIGH'"),
+        ("HIGH", "40"),
+        ("LOW", "LOW"),
+    ],
+)
+def test_a_constant_stands_for_its_value_where_a_value_may_stand(tmp_path: Path, text: str, value: str) -> None:
+    (tmp_path / "LIMITS.gcf").write_text(LIMITS)
+    names = ImportingNames(Library([tmp_path]), ["plant::LIMITS::HIGH"], "")
+    assert resolved(text, names) == value
