@@ -97,8 +97,21 @@ class ChainRun:
         far: Array = np.maximum(0.0, np.maximum(lower - self.true, self.true - upper).max(axis=0))
         return far
 
+    @property
+    def effort(self) -> Array:
+        """What acts at the times of the samples, (N, n), in the units of the drives.
+
+        A command is held for a tick that begins with its sample, so that at the sample itself the mean of the
+        command before and the one after acts. Half a tick of delay against the positions would be told as inertia.
+        """
+        late = self.settings.late
+        acting = np.vstack([np.zeros((late, self.command.shape[1])), self.command])[: len(self.command)]
+        before = np.vstack([acting[:1], acting[:-1]])
+        mean: Array = 0.5 * (before + acting)
+        return mean
+
     def measurement(self) -> Measurement:
-        """What a log of the run tells: positions, commands as effort, desired positions."""
+        """What a log of the run tells: positions, effort, desired positions."""
         arm = self.settings.arm
         commanded = arm.joints[0].actuator.commanded
         return Measurement(
@@ -106,23 +119,25 @@ class ChainRun:
             joints=tuple(joint.name for joint in arm.joints),
             t=self.t,
             q=self.q,
-            effort=self.command,
+            effort=self.effort,
             kind=None if commanded == "position" else commanded,
             command=self.target,
         )
 
     def save(self, path: Path) -> None:
-        """Writes a Parquet log: t, q_J, target_J, and torque_J, current_J or voltage_J for every joint J from 1.
+        """Writes a Parquet log: t, then q_J, target_J, sent_J and torque_J, current_J or voltage_J for joints J from 1.
+
+        What was sent is the command from the sample on; the effort beside it is what acts at the sample.
 
         Raises:
             RecordingError: it cannot be written.
         """
         arm = self.settings.arm
         columns: dict[str, Array] = {"t": self.t}
-        for name, values in (("q", self.q), ("target", self.target)):
+        for name, values in (("q", self.q), ("target", self.target), ("sent", self.command)):
             columns |= {f"{name}_{k + 1}": values[:, k] for k in range(len(arm))}
         for k, joint in enumerate(arm.joints):
-            columns[f"{EFFORTS.get(joint.actuator.commanded, 'command')}_{k + 1}"] = self.command[:, k]
+            columns[f"{EFFORTS.get(joint.actuator.commanded, 'command')}_{k + 1}"] = self.effort[:, k]
         facts = {"arm": arm.name, "machine": self.settings.machine.name, "seed": str(self.settings.seed)}
         table = pa.table({name: pa.array(values) for name, values in columns.items()}).replace_schema_metadata(facts)
         with replacing(path, LOG) as temporary:

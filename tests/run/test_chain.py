@@ -61,7 +61,7 @@ def test_a_log_is_read_as_that_of_any_arm(tmp_path: Path) -> None:
     assert found.oddities == ()
     np.testing.assert_array_equal(found.q, result.q)
     assert found.effort is not None
-    np.testing.assert_array_equal(found.effort, result.command)
+    np.testing.assert_array_equal(found.effort, result.effort)
     np.testing.assert_array_equal(found.command, result.target)
 
 
