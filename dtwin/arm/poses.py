@@ -34,11 +34,18 @@ class Poses:
         positions: joint positions, (k, n), rad or m.
         dwell: time in every pose, s.
         again: whether the first one follows the last one.
+        places: number of places for boxes; the poses are threes then, above, at and above where boxes wait and each
+            place (sorting.py). 0 for a list of poses.
+        tolerance: distance of a joint from its pose within which the time in the pose counts, rad or m.
+        payload: usual mass of a box, kg.
     """
 
     positions: Array
     dwell: float = 0.0
     again: bool = False
+    places: int = 0
+    tolerance: float = np.inf
+    payload: float = 0.0
 
 
 class _File(msgspec.Struct, forbid_unknown_fields=True):

@@ -57,6 +57,7 @@ GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
         "arm show": Subcommand("arm.arms", "ArmShow", "show an arm: joints, drives, limits, links"),
         "arm check": Subcommand("arm.arms", "ArmCheck", "check the file of an arm; tell what is still to be added"),
         "arm list": Subcommand("arm.arms", "ArmList", "list the arms of the folder arms"),
+        "arm excite": Subcommand("arm.excite", "ArmExcite", "design poses whose motion tells most of an arm"),
         "experiment clearance": Subcommand(
             "cell.clearance", "ExperimentClearance", "sweep the arm's ways through the geometry of the cell"
         ),
@@ -154,6 +155,9 @@ GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
             "identification.model", "ModelExport", "write an identified model as MJCF or parameters"
         ),
         "bench identify": Subcommand("identification.bench", "BenchIdentify", "time a fit against mujoco.sysid"),
+        "experiment arms": Subcommand(
+            "identification.arms", "ExperimentArms", "identify drawn machines of any arm from their motion; report"
+        ),
         "experiment noise": Subcommand(
             "identification.experiment", "ExperimentNoise", "identify under encoder noise; report"
         ),

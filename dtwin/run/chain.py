@@ -13,12 +13,16 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from dtwin.arm.chain import Arm, Array, Commanded
-from dtwin.arm.poses import Poses
+from dtwin.arm.poses import Poses, ranges
+from dtwin.arm.sorting import Sorting
 from dtwin.controller.chain.application import Control, inputs
 from dtwin.controller.chain.embedded import ChainController
+from dtwin.emulation.chain.boxes import Boxes, Counts
 from dtwin.emulation.chain.machine import Machine
 from dtwin.emulation.chain.plant import ChainPlant
+from dtwin.equations.kinematics import Goal, joints_along, joints_for
 from dtwin.equations.rigid import usual_inertia
+from dtwin.errors import UnreachableError
 from dtwin.files import LOG, replacing
 from dtwin.measurements.measurement import Measurement
 
@@ -39,6 +43,7 @@ class ChainSettings:
         seed: number of the generator of noise.
         late: ticks from a command until it acts.
         start: positions at the beginning, (n,); None for the first pose.
+        sorting: boxes that the poses are for (sorting_poses); None without.
     """
 
     arm: Arm
@@ -49,6 +54,7 @@ class ChainSettings:
     seed: int = 0
     late: int = 0
     start: Array | None = None
+    sorting: Sorting | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,6 +71,7 @@ class ChainRun:
         pose: number of the pose to which the arm went, (N,).
         stop: the safe stop in force at the end, 0 if none.
         seconds: wall time, s.
+        boxes: what happened to the boxes; None without any.
     """
 
     settings: ChainSettings
@@ -76,6 +83,7 @@ class ChainRun:
     pose: Array
     stop: int
     seconds: float
+    boxes: Counts | None = None
 
     @property
     def error(self) -> Array:
@@ -125,7 +133,7 @@ class ChainRun:
         )
 
     def save(self, path: Path) -> None:
-        """Writes a Parquet log: t, then q_J, target_J, sent_J and torque_J, current_J or voltage_J for joints J from 1.
+        """Writes a Parquet log: t, then q_J, target_J, sent_J, and torque_J, current_J or voltage_J for joint J.
 
         What was sent is the command from the sample on; the effort beside it is what acts at the sample.
 
@@ -157,7 +165,97 @@ class ChainRun:
             "beyond_range": self.beyond.tolist(),
             "poses_reached": len(np.unique(self.pose)),
             "stop": self.stop,
+            **({} if self.boxes is None else {"boxes": _box_figures(self.boxes)}),
         }
+
+
+def _box_figures(counts: Counts) -> dict[str, float]:
+    errors = counts.errors or [0.0]
+    return {
+        "arrived": counts.arrived,
+        "picked": counts.picked,
+        "missed": counts.missed,
+        "delivered": counts.delivered,
+        "within_5_mm": sum(error <= 0.005 for error in counts.errors),
+        "placement_error_max": max(errors),
+        "placement_error_mean": float(np.mean(errors)),
+    }
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DesiredPath:
+    """A path, in the middle of every tick.
+
+    Attributes:
+        q: positions, (N, n), rad or m.
+        qd: velocities, (N, n).
+        qdd: accelerations, (N, n).
+        command: commands for them, (N, n), in the units of the drives.
+        reached: number of poses that were reached.
+    """
+
+    q: Array
+    qd: Array
+    qdd: Array
+    command: Array
+    reached: int
+
+
+def path_of(arm: Arm, poses: Poses, control: Control, longest: float) -> DesiredPath:
+    """The path that the blocks lead an arm along that follows it without an error.
+
+    Args:
+        arm: the arm.
+        poses: what it does, once.
+        control: how it is controlled.
+        longest: time after which the path is cut off, s.
+    """
+    controller = ChainController(len(arm), inputs(arm, usual_inertia(arm), control, poses))
+    positions, rows = poses.positions[0], []
+    while not controller.done and len(rows) < longest / arm.period:
+        commands = controller.step(positions.tolist())
+        q, qd, qdd = controller.counted()
+        rows.append((q, qd, qdd, np.array(commands)))
+        positions = q + 0.5 * arm.period * (qd + 0.25 * arm.period * qdd)  # from the middle of the tick to its end
+    columns = (np.array(column, dtype=np.float64) for column in zip(*rows, strict=True))
+    return DesiredPath(*columns, reached=controller.pose + controller.done)
+
+
+def sorting_poses(arm: Arm, task: Sorting, dwell: float = 0.15, tolerance: float = 1e-3) -> Poses:
+    """The poses of a sorting task: above, at and again above where boxes wait, then the same for each place.
+
+    Args:
+        arm: the arm.
+        task: the task.
+        dwell: time within the tolerance before the gripper moves, and after, s.
+        tolerance: distance of every joint from its pose, rad or m.
+
+    Raises:
+        UnreachableError: the tool does not reach a point; names it.
+    """
+    lower, upper = ranges(arm)
+    near = 0.5 * (lower + upper)
+    rows = []
+    for name, point in {"pick": task.pick, **task.places}.items():
+        try:
+            above, at = _above_and_at(arm, task, point, near)
+        except UnreachableError as error:
+            raise UnreachableError(f"{name}: {error}") from None
+        rows += [above, at, above]
+        near = above
+    return Poses(np.array(rows), dwell, True, len(task.places), tolerance, task.usual)
+
+
+def _above_and_at(arm: Arm, task: Sorting, point: Array, near: Array) -> tuple[Array, Array]:
+    """Joint positions above a point, and those at it that a straight line leads to."""
+    refused: UnreachableError | None = None
+    for above in joints_for(arm, Goal(point + task.height * task.up, task.direction), near):
+        try:
+            return above, joints_along(arm, Goal(point, task.direction), above)
+        except UnreachableError as error:
+            refused = refused or error
+    assert refused is not None
+    raise refused
 
 
 def run(settings: ChainSettings, between: Callable[[int], bool] | None = None) -> ChainRun:
@@ -180,17 +278,22 @@ def run(settings: ChainSettings, between: Callable[[int], bool] | None = None) -
     ticks = max(1, round(settings.duration / arm.period))
     rows = np.zeros((4, ticks, len(arm)))
     poses = np.zeros(ticks)
+    boxes = None if settings.sorting is None else Boxes(settings.sorting, settings.seed)
     done = 0
     while done < ticks and not controller.done and (between is None or between(done)):
         read = plant.read()
-        command = controller.step(read.tolist())
+        command = controller.step(read.tolist(), 0 if boxes is None else boxes.waiting(plant.time))
         rows[0, done], rows[1, done] = read, controller.desired()[0]
         rows[2, done], rows[3, done] = command, plant.state[0]
         poses[done] = controller.pose
+        if boxes is not None:
+            boxes.grip(controller.grips, plant.tool, plant.time)
+            plant.hold(boxes.held)
         plant.apply(command)
         plant.advance()
         done += 1
+    counts = None if boxes is None else boxes.counts
     t: Array = np.arange(done, dtype=np.float64) * arm.period
     seconds = time.perf_counter() - began
     q, target, commands, true = (np.array(row[:done], dtype=np.float64) for row in rows)
-    return ChainRun(settings, t, q, target, commands, true, poses[:done], controller.stop, seconds)
+    return ChainRun(settings, t, q, target, commands, true, poses[:done], controller.stop, seconds, counts)

@@ -8,7 +8,7 @@ import pytest
 
 from dtwin.arm.poses import Poses, drawn_poses, poses_text
 from dtwin.cli import main
-from dtwin.controller.chain.application import PORT, VERDICT_PORT, Control, inputs, signature
+from dtwin.controller.chain.application import PORT, VERDICT_PORT, Control, inputs, messages
 from dtwin.controller.chain.embedded import ChainController
 from dtwin.emulation.chain.arms import arm_of
 from dtwin.emulation.chain.machine import machine_of
@@ -42,14 +42,14 @@ def test_an_arm_of_six_joints_has_the_same_commands(device: str, tmp_path: Path)
     with served as management, connected(lambda: ManagementClient(management, PATIENCE)) as client:
         deploy(client, suited(client, partial(plan_deployment, "EMB_RES", network, library, ports)))
         address = Address(LOOPBACK, ports[PORT])
-        six = signature(6)
-        with connected(lambda: BlockingClient(address, six, six, PATIENCE)) as remote:
+        layouts = messages(6)
+        with connected(lambda: BlockingClient(address, *layouts, PATIENCE)) as remote:
             controller = ChainController(6, inputs(arm, usual_inertia(arm), Control(), poses))
             plant = ChainPlant(machine_of("nominal", arm), poses.positions[0])
             for tick in range(round(SECONDS / arm.period)):
                 positions = plant.read().tolist()
                 command = controller.step(positions)
-                assert remote.exchange(positions) == command, f"tick {tick}"
+                assert remote.exchange((*positions, 0)) == (*command, False), f"tick {tick}"
                 plant.apply(command)
                 plant.advance()
     assert controller.pose > 0

@@ -15,18 +15,19 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 
 from dtwin.arm.chain import Arm
 from dtwin.arm.poses import Poses, drawn_poses, read_poses
+from dtwin.arm.sorting import read_sorting
 from dtwin.controller.chain.application import Control
 from dtwin.emulation.chain.arms import arm_of
 from dtwin.emulation.chain.machine import IDEAL, machine_of
 from dtwin.emulation.generators import check_seed
 from dtwin.errors import ParameterError
 from dtwin.files import LOG, ensure_writable
-from dtwin.run.chain import ChainRun, ChainSettings, run
+from dtwin.run.chain import ChainRun, ChainSettings, run, sorting_poses
 from dtwin.terminal import print_json, printable
 
 THESIS: Final = "thesis"
 """The arm of a run without --arm."""
-KNOWN: Final = frozenset({"arm", "poses", "late", "machine", "seed", "duration", "log", "json", "runtime"})
+KNOWN: Final = frozenset({"arm", "poses", "sort", "late", "machine", "seed", "duration", "log", "json", "runtime"})
 """Options of `dtwin run` that mean something for any arm."""
 LONGEST: Final = 86_400.0
 """Longest run, s: all its ticks are kept in memory."""
@@ -76,14 +77,18 @@ def run_arm(options: Any, interruption: Callable[[], AbstractContextManager[Any]
     if options.log is not None:
         ensure_writable(options.log, LOG)
     arm = arm_of(options.arm)
+    if options.sort is not None and options.poses is not None:
+        raise ParameterError("--sort and --poses: expected one of them")
+    sorting = None if options.sort is None else read_sorting(options.sort)
     settings = ChainSettings(
         arm,
         machine_of(options.machine or IDEAL, arm),
-        poses_for(arm, options.poses, options.seed),
+        poses_for(arm, options.poses, options.seed) if sorting is None else sorting_poses(arm, sorting),
         Control(delay=min(options.late, 1) * arm.period),
         options.duration,
         options.seed,
         options.late,
+        sorting=sorting,
     )
     with interruption() as asked, _progress(options) as progress:
 
@@ -126,6 +131,15 @@ def _print(result: ChainRun, log: Path | None) -> None:
         )
         if score["beyond_range"][k] > 0.0:
             lines[name] += f"; {score['beyond_range'][k]:.5f} {units[k]} beyond its range"
+    if boxes := score.get("boxes"):
+        lines["boxes"] = (
+            f"{boxes['arrived']} arrived, {boxes['picked']} picked, {boxes['delivered']} delivered, "
+            f"{boxes['within_5_mm']} of them within 5 mm, {boxes['missed']} missed"
+        )
+        lines["placement error"] = (
+            f"{1e3 * boxes['placement_error_max']:.2f} mm at most, "
+            f"{1e3 * boxes['placement_error_mean']:.2f} mm on average"
+        )
     if score["stop"]:
         lines["stop"] = f"safe stop {score['stop']} is in force: a joint left its path"
     if log is not None:

@@ -60,14 +60,16 @@ class Run(PlantOptions, ControlOptions, RuntimeOption):
     --machine is ideal, nominal (as its data sheet) or a number."""
     poses: Path | None = None
     """TOML file of the poses that the arm of --arm takes; some that are drawn by --seed if not given."""
+    sort: Path | None = None
+    """TOML file of a sorting task for the arm of --arm (docs/arms.md)."""
     late: int = 0
     """Ticks from a command until it acts (--arm)."""
 
     def execute(self) -> int:
         if self.arm != THESIS:
             return run_arm(self, _Interruption)
-        if self.poses is not None or self.late:
-            raise ParameterError("--poses and --late: expected --arm with another arm than the thesis's")
+        if self.poses is not None or self.sort is not None or self.late:
+            raise ParameterError("--poses, --sort, --late: expected --arm with another arm than the thesis's")
         record = self.record or (None if self.json else Path("run.rrd"))
         earlier = record is not None and record.exists()
         for path, ending in ((record, RECORDING), (self.log, LOG)):

@@ -23,7 +23,7 @@ from dtwin.controller.ports import BLOCKS
 from dtwin.errors import ModelError
 from iec61499 import model
 from iec61499.net.wire import Signature
-from iec61499.types import LREAL
+from iec61499.types import BOOL, DINT, LREAL
 
 ARM: Final = "ARM"
 """Name of the block that talks with the arm."""
@@ -44,6 +44,8 @@ _SHARED: Final = ("INDEX", "ELAPSED", "T", "RATE", "CHANGE", "OFF")
 _XYZ: Final = ("X", "Y", "Z")
 _OUTWARD: Final = tuple(f"{what}{x}" for what in "WOA" for x in _XYZ)
 _INWARD: Final = tuple(f"{what}{x}" for what in "FN" for x in _XYZ)
+_WIDE: Final = 1.0e9
+"""Stands for a limit that is not there."""
 _COLUMN: Final = 3000.0
 """From one drawn block to the next, in the units of 4diac IDE."""
 
@@ -75,16 +77,26 @@ def joint_name(number: int) -> str:
     return f"JOINT_{number + 1}"
 
 
-def signature(joints: int) -> Signature:
-    """Layout of the messages to ARM, positions, and of its answers, commands."""
-    return Signature([LREAL] * joints)
+def messages(joints: int) -> tuple[Signature, Signature]:
+    """Layouts of the messages to ARM, positions and the place of the box that waits, and of its answers.
+
+    An answer has the commands and whether the gripper is closed.
+    """
+    return Signature([*[LREAL] * joints, DINT]), Signature([*[LREAL] * joints, BOOL])
 
 
 def network(joints: int) -> model.FBNetwork:
     """The network of an arm with that many joints, without values; ports are those of the library."""
     names = [joint_name(k) for k in range(joints)]
     blocks = [
-        _server(ARM, f"SERVER_{joints}_{joints}", PORT, "The arm: positions in, commands out", 0.0, 200.0),
+        _server(
+            ARM,
+            f"SERVER_{joints + 1}_{joints + 1}",
+            PORT,
+            "The arm: positions and boxes in, commands out",
+            0.0,
+            200.0,
+        ),
         model.Block(SEQUENCE, "POSE_SEQUENCE", x=_COLUMN, y=200.0, comment="Which pose comes next, and when"),
         *(
             model.Block(name, "CHAIN_JOINT", x=_COLUMN * (k + 2), y=200.0, comment=f"Joint {k + 1} and its link")
@@ -139,8 +151,12 @@ def _data(names: list[str]) -> Iterator[model.Connection]:
         yield model.Connection(f"{before}.NEEDED", f"{name}.LONGEST")
         yield model.Connection(f"{before}.FOLLOWING", f"{name}.FOLLOWING_IN")
         yield model.Connection(f"{before}.FASTEST", f"{name}.FASTEST_IN")
-    last = names[-1]
+    last, box = names[-1], len(names) + 1
     for source, destination in (
+        (f"{ARM}.RD_{box}", f"{SEQUENCE}.BOX"),
+        (f"{SEQUENCE}.GRIP", f"{ARM}.SD_{box}"),
+        (f"{SEQUENCE}.LOAD", f"{last}.LOAD"),
+        (f"{last}.FOLLOWING", f"{SEQUENCE}.FOLLOWING"),
         (f"{last}.NEEDED", f"{SEQUENCE}.NEEDED"),
         (f"{SEQUENCE}.STANDING", f"{SWITCH}.G"),
         (f"{STOP}.STOP", f"{SEQUENCE}.STOP"),
@@ -172,6 +188,9 @@ def inputs(arm: Arm, inertia: Array, control: Control, poses: Poses | None) -> d
         f"{SEQUENCE}.COUNT": 0 if poses is None else len(poses.positions),
         f"{SEQUENCE}.AGAIN": poses is not None and poses.again,
         f"{SEQUENCE}.DWELL": 0.0 if poses is None else float(poses.dwell),
+        f"{SEQUENCE}.PLACES": 0 if poses is None else poses.places,
+        f"{SEQUENCE}.TOLERANCE": poses.tolerance if poses is not None and np.isfinite(poses.tolerance) else _WIDE,
+        f"{SEQUENCE}.PAYLOAD": 0.0 if poses is None else poses.payload,
         f"{STOP}.FOLLOWING_LIMIT": control.following,
         f"{STOP}.SPEED_LIMIT": 2.0 * max(joint.speed for joint in arm.joints),
     }
@@ -211,10 +230,9 @@ def _drive(arm: Arm, k: int, inertia: float) -> dict[str, Any]:
     for name in ("speed", "acceleration"):
         if not np.isfinite(getattr(joint, name)):
             raise ModelError(f"arm {arm.name}: joints.{joint.name}: expected {name}")
-    wide = 1.0e9
     return {
         "TORQUE_CONSTANT": actuator.constant,
-        "LARGEST": min(actuator.limit, joint.effort / abs(actuator.constant), wide),
+        "LARGEST": min(actuator.limit, joint.effort / abs(actuator.constant), _WIDE),
         "ROTOR": actuator.rotor or 0.0,
         "VISCOUS": friction.viscous,
         "COULOMB": friction.coulomb,
@@ -222,6 +240,6 @@ def _drive(arm: Arm, k: int, inertia: float) -> dict[str, Any]:
         "INERTIA": inertia,
         "SPEED": joint.speed,
         "ACCELERATION": joint.acceleration,
-        "LOWER": max(joint.lower, -wide),
-        "UPPER": min(joint.upper, wide),
+        "LOWER": max(joint.lower, -_WIDE),
+        "UPPER": min(joint.upper, _WIDE),
     }

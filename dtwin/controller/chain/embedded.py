@@ -26,6 +26,7 @@ class ChainController:
 
     Attributes:
         resource: the running application, whose variables can be read and written between steps.
+        grips: whether the gripper is closed since the last step.
 
     Raises:
         FunctionBlockError: the library cannot be used, or a value is not of its input's type.
@@ -39,23 +40,37 @@ class ChainController:
         server = self.resource.server(ARM)
         self.resource.start()
         self._exchange = server.exchange
+        self.grips = False
         names = [joint_name(k) for k in range(joints)]
         self._desired = [self.resource.reader((f"{name}.PATH.Q_D", f"{name}.PATH.QD_D")) for name in names]
+        self._counted = [
+            self.resource.reader(tuple(f"{name}.FEEDBACK.{what}" for what in ("Q_M", "QD_M", "U"))) for name in names
+        ]
         self._sequence = self.resource.reader((f"{SEQUENCE}.INDEX", f"{SEQUENCE}.DONE"))
         self._stop = self.resource.reader((f"{STOP}.STOP", f"{STOP}.COUNT"))
 
-    def step(self, positions: Sequence[float]) -> tuple[float, ...]:
-        """The commands that answer a sample of the positions, both (n,), in the units of the drives.
+    def step(self, positions: Sequence[float], box: int = 0) -> tuple[float, ...]:
+        """The commands that answer a sample, (n,), in the units of the drives.
+
+        Args:
+            positions: what the encoders read, (n,), rad or m.
+            box: place of the box that waits, from 1; 0 if none waits.
 
         Raises:
             FunctionBlockError: a block failed. CommunicationError: the application did not answer.
         """
-        return self._exchange(positions)
+        *commands, self.grips = self._exchange((*positions, box))
+        return tuple(commands)
 
     def desired(self) -> tuple[Array, Array]:
         """Desired positions and velocities at the last sample, (n,) each."""
         both = np.array([read() for read in self._desired])
         return both[:, 0], both[:, 1]
+
+    def counted(self) -> tuple[Array, Array, Array]:
+        """Positions, velocities and accelerations at which the equations counted at the last sample, (n,) each."""
+        state = np.array([read() for read in self._counted])
+        return state[:, 0], state[:, 1], state[:, 2]
 
     @property
     def done(self) -> bool:

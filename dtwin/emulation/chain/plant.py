@@ -65,6 +65,12 @@ class ChainPlant:
         """True positions and velocities, (n,) each."""
         return np.array(self._data.qpos), np.array(self._data.qvel)
 
+    @property
+    def tool(self) -> Array:
+        """Where the tool is, (3,), m, in the frame of the base."""
+        mujoco.mj_kinematics(self._model, self._data)
+        return np.array(self._data.xpos[self._load])
+
     def hold(self, mass: float) -> None:
         """Lets the arm hold a point mass at its tool, kg; 0 for nothing."""
         self._model.body_mass[self._load] = max(mass, 1e-14)

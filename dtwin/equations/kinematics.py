@@ -1,0 +1,144 @@
+"""Where the tool of a serial chain is, and the joint positions that bring it somewhere."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from dtwin.arm.chain import Arm, Array
+from dtwin.arm.poses import ranges
+from dtwin.equations.rigid import Numbers, motion
+from dtwin.errors import UnreachableError
+
+_NEAR: Final = 1e-6
+"""Largest distance, m, and largest error of a direction, rad, at which a goal counts as reached."""
+_TRIES: Final = 20
+"""Joint positions that a search begins at."""
+_ENOUGH: Final = 5
+"""Solutions after which the search ends."""
+_LONGEST: Final = 40
+"""Largest number of steps of a search."""
+_PARTS: Final = 5
+"""Parts that a straight line is followed in."""
+_JUMP: Final = 0.5
+"""Largest change of a joint from part to part, rad or m: beyond it the arm would fold another way."""
+_STEP: Final = 1e-30
+_TURN: Final = 0.05
+"""Distance, m, that an error of the direction of 1 rad counts as."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Goal:
+    """Where the tool shall be.
+
+    Attributes:
+        point: point in the frame of the base, (3,), m.
+        direction: unit vector that the line from the last joint to the tool shall point along, (3,); None for any.
+    """
+
+    point: Array
+    direction: Array | None = None
+
+
+def tool_of(arm: Arm, q: Numbers) -> tuple[Numbers, Numbers]:
+    """Point of the tool and direction from the last joint to it, both in the frame of the base, (N, 3) each.
+
+    Args:
+        arm: chain of n joints.
+        q: positions, (N, n).
+    """
+    still = np.zeros_like(q)
+    moving = motion(arm, q, still, still)
+    point: Numbers = np.broadcast_to(arm.tool, (len(q), 3))
+    along: Numbers = point / max(float(np.linalg.norm(arm.tool)), 1e-12)
+    for rotation, translation in zip(moving.rotation[::-1], moving.translation[::-1], strict=True):
+        point = translation + np.einsum("nij,nj->ni", rotation, point)
+        along = np.einsum("nij,nj->ni", rotation, along)
+    return point, along
+
+
+def joints_for(arm: Arm, goal: Goal, near: Array, seed: int = 0) -> list[Array]:
+    """Joint positions that bring the tool to a goal, (n,) each, within the ranges of the joints, the nearest first.
+
+    Args:
+        arm: chain of n joints.
+        goal: where the tool shall be.
+        near: joint positions to stay near, (n,).
+        seed: number of the generator of starting points.
+
+    Raises:
+        UnreachableError: none were found; says how near the tool comes.
+    """
+    lower, upper = ranges(arm)
+    generator = np.random.default_rng(seed)
+    starts = [near, *generator.uniform(lower, upper, (_TRIES, len(arm)))]
+    found, nearest = [], np.inf
+    for start in starts:
+        q, left = _searched(arm, goal, start)
+        nearest = min(nearest, left)
+        if left < _NEAR:
+            found.append(q)
+        if len(found) == _ENOUGH:
+            break
+    if not found:
+        pointing = "" if goal.direction is None else f" pointing along {_said(goal.direction)}"
+        raise UnreachableError(
+            f"arm {arm.name}: the tool does not reach {_said(goal.point)}{pointing}: {nearest:.3g} m are left"
+        )
+    return sorted(found, key=lambda q: float(np.abs(q - near).max()))
+
+
+def joints_along(arm: Arm, goal: Goal, start: Array) -> Array:
+    """The joint positions that bring the tool on a straight line from where it is to a goal, (n,).
+
+    Unlike `joints_for` it stays in the same configuration of the arm.
+
+    Args:
+        arm: chain of n joints.
+        goal: where the tool shall be; its direction is that at `start` already.
+        start: joint positions at the beginning, (n,).
+
+    Raises:
+        UnreachableError: the line leaves the reach of the arm or the ranges of its joints.
+    """
+    begin = tool_of(arm, start[None])[0][0]
+    q = start
+    for part in np.linspace(0.0, 1.0, _PARTS + 1)[1:]:
+        point = begin + part * (goal.point - begin)
+        after, left = _searched(arm, Goal(point, goal.direction), q)
+        if left > _NEAR or np.abs(after - q).max() > _JUMP:
+            line = f"from {_said(begin)} to {_said(goal.point)}"
+            raise UnreachableError(f"arm {arm.name}: the tool does not come on a straight line {line}")
+        q = after
+    return q
+
+
+def _searched(arm: Arm, goal: Goal, start: Array) -> tuple[Array, float]:
+    """The joint positions that a search ends at, and how far it still is, m."""
+    lower, upper = ranges(arm)
+
+    def errors(q: Array) -> Array:
+        return _errors(arm, goal, q[None])[0]
+
+    def slope(q: Array) -> Array:
+        there = _errors(arm, goal, q + 1j * _STEP * np.eye(len(q)))
+        columns: Array = there.imag.T / _STEP
+        return columns
+
+    inside = np.clip(start, lower + 1e-9, upper - 1e-9)
+    solution = least_squares(errors, inside, slope, bounds=(lower, upper), method="dogbox", max_nfev=_LONGEST)
+    return solution.x, float(np.linalg.norm(errors(solution.x)))
+
+
+def _errors(arm: Arm, goal: Goal, q: Numbers) -> Numbers:
+    """How far the tool is from a goal, (N, 3) or (N, 6), m; works on complex numbers for derivatives."""
+    point, along = tool_of(arm, q)
+    away = point - goal.point
+    return away if goal.direction is None else np.concatenate([away, _TURN * (along - goal.direction)], axis=1)
+
+
+def _said(vector: Array) -> str:
+    return "(" + ", ".join(f"{x:.4g}" for x in vector) + ")"
