@@ -9,12 +9,13 @@ import msgspec
 import numpy as np
 import pytest
 
+from dtwin.arm import sorting
 from dtwin.arm.file import _JOINT, _TOLERANCES, _TOP
 from dtwin.arm.urdf import read_urdf
 from dtwin.parameters import ROOT
 
 PAGE = (ROOT / "docs" / "arms.md").read_text()
-FILES = {"xml": ("mine.urdf",), "toml": ("mine.toml", "poses.toml")}
+FILES = {"xml": ("mine.urdf",), "toml": ("mine.toml", "poses.toml", "sort.toml")}
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +34,10 @@ def walked(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
         if language in waiting:
             (folder / waiting[language].pop(0)).write_text(text)
         elif language == "sh":
-            command = ["bash", "-e", "-c", text.replace("--duration 120", "--duration 40")]
+            short = re.sub(r"--duration \d+", "--duration 20", text).replace(
+                "excite mine.toml", "excite mine.toml --candidates 4"
+            )
+            command = ["bash", "-e", "-c", short]
             done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300)
             assert done.returncode == 0, done.stdout + done.stderr
             printed += done.stdout
@@ -45,6 +49,7 @@ def test_the_page_leads_from_a_urdf_to_an_identified_arm(walked: tuple[Path, str
     folder, printed = walked
     assert "add joints.turn.acceleration" in printed
     assert "it can be driven" in printed
+    assert re.search(r"boxes .* [1-9] delivered, ([1-9]) of them within 5 mm, 0 missed", printed)
     assert re.search(r"turn +0\.0\d+ rad off its path at most", printed)
     found = msgspec.toml.decode((folder / "found.toml").read_bytes())
     assert found
@@ -63,5 +68,5 @@ def test_the_blocks_of_the_page_are_there(walked: tuple[Path, str]) -> None:
 def test_the_page_names_all_keys() -> None:
     shown = re.findall(r"```toml\n(.*?)```|`([^`\n]+)`", PAGE, re.DOTALL)
     code = " ".join(block + word for block, word in shown)
-    for key in (*_TOP, *_JOINT, *_TOLERANCES, "commanded", "payload"):
+    for key in (*_TOP, *_JOINT, *_TOLERANCES, "commanded", "payload", *sorting._KEYS):
         assert re.search(rf"\b{key}\b", code), key

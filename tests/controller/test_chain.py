@@ -18,9 +18,8 @@ from tests.support.chains import driven_arm
 NOWHERE = Control(following=1e9)
 
 
-def controller(arm: Arm, poses: Poses | None, control: Control = NOWHERE, load: float = 0.0) -> ChainController:
-    values = inputs(arm, usual_inertia(arm), control, poses)
-    return ChainController(len(arm), {**values, f"{joint_name(len(arm) - 1)}.LOAD": load})
+def controller(arm: Arm, poses: Poses | None, control: Control = NOWHERE) -> ChainController:
+    return ChainController(len(arm), inputs(arm, usual_inertia(arm), control, poses))
 
 
 def gathered(blocks: ChainController, joints: int, variable: str) -> np.ndarray:
@@ -32,7 +31,8 @@ def test_links_give_the_torques_of_the_equations(joints: int) -> None:
     arm = driven_arm(joints, joints)
     poses = Poses(np.random.default_rng(3).uniform(-1.5, 1.5, (3, joints)), 0.0, True)
     load = 0.7
-    blocks = controller(arm, poses, load=load)
+    blocks = controller(arm, poses)
+    blocks.resource.write("SEQUENCE.LOAD", load)
     last = arm.links[-1]
     held = Link("load", load, arm.tool, np.zeros((3, 3)))
     heavy = replace(arm, links=(*arm.links[:-1], Link.from_parameters(last.name, last.parameters + held.parameters)))
