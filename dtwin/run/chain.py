@@ -211,14 +211,15 @@ def path_of(arm: Arm, poses: Poses, control: Control, longest: float) -> Desired
         longest: time after which the path is cut off, s.
     """
     controller = ChainController(len(arm), inputs(arm, usual_inertia(arm), control, poses))
-    positions, rows = poses.positions[0], []
+    positions = poses.positions[0]
+    rows: list[tuple[Array, Array, Array, Array]] = []
     while not controller.done and len(rows) < longest / arm.period:
         commands = controller.step(positions.tolist())
         q, qd, qdd = controller.counted()
         rows.append((q, qd, qdd, np.array(commands)))
         positions = q + 0.5 * arm.period * (qd + 0.25 * arm.period * qdd)  # from the middle of the tick to its end
-    columns = (np.array(column, dtype=np.float64) for column in zip(*rows, strict=True))
-    return DesiredPath(*columns, reached=controller.pose + controller.done)
+    found, speed, change, command = (np.array(column, dtype=np.float64) for column in zip(*rows, strict=True))
+    return DesiredPath(found, speed, change, command, controller.pose + controller.done)
 
 
 def sorting_poses(arm: Arm, task: Sorting, dwell: float = 0.15, tolerance: float = 1e-3) -> Poses:

@@ -10,6 +10,7 @@ import msgspec
 from rich.table import Table
 
 from dtwin.commands.frame import at_least
+from dtwin.commands.simulation.chain import print_margins
 from dtwin.controller.bounds import check_model
 from dtwin.controller.motion import MotionController
 from dtwin.controller.settings import APPLICATION_LAW, ControlSettings, usual_gains
@@ -49,12 +50,16 @@ class MarginsCommand(CompensationOptions, CellFileOption):
     """Number of poses: the places of the cell first, then others in the whole workspace."""
     rows: int = 20
     """Number of cases to print, the worst first; JSON has them all."""
+    arm: str | None = None
+    """Another arm: a name of arms/, its file (*.toml), or a model; --poses, --late and --json count alone then."""
     json: bool = False
     """Print one JSON object on standard output and nothing else."""
 
     def execute(self) -> int:
         at_least("--poses", self.poses, 1)
         at_least("--rows", self.rows, 1)
+        if self.arm is not None:
+            return print_margins(self.arm, self.poses, self.late, self.json)
         at_least("--late", self.late, 0)
         arm = open_model(self.model, ModelStore(self.store)).arm if self.model is not None else ArmParameters()
         gains = usual_gains(self.law, self.kp, self.ki, self.kd)

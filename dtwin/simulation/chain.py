@@ -1,0 +1,176 @@
+"""What change of an arm its controller stands: margins of every joint's loop, at drawn poses, at rest.
+
+The loop is sampled. The plant is the linearised arm, whose commands are held for a tick. The controller is that of the
+block JOINT_FEEDBACK with the mass matrix of CHAIN_LINK, in its linear range. One command is broken at a time while
+the other joints stay under control. Where the loop gain is L, a gain margin is the least factor k > 1, or the largest
+one below 1, at which 1 + k L = 0 is met on the unit circle; a delay margin is the least time that does the same.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from scipy.linalg import expm
+
+from dtwin.arm.chain import Arm, Array
+from dtwin.arm.poses import drawn_poses
+from dtwin.controller.chain.application import Control
+from dtwin.equations.rigid import inverse_dynamics, mass_matrix
+
+_FREQUENCIES: Final = 600
+"""Frequencies from the lowest one to half of the sampling rate at which the loop is looked at."""
+_LOWEST: Final = 0.05
+"""Lowest frequency, rad/s."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JointMargins:
+    """Margins of one joint, the least over all poses.
+
+    Attributes:
+        gain: factor of the drive's constant up to which the loop is stable; inf where none is too large.
+        weakest: factor down to which it is stable; 0 where none is too small.
+        phase: phase margin, rad.
+        delay: further delay of the command, s.
+        modulus: least distance of the loop gain from -1.
+        stable: whether the loop is stable at every pose.
+    """
+
+    gain: float
+    weakest: float
+    phase: float
+    delay: float
+    modulus: float
+    stable: bool
+
+
+def margins(arm: Arm, control: Control, poses: int = 16, seed: int = 0, late: int = 0) -> tuple[JointMargins, ...]:
+    """The margins of every joint.
+
+    Args:
+        arm: the arm; the model in the blocks is the same one.
+        control: how it is controlled.
+        poses: number of poses that are drawn from the ranges of the joints.
+        seed: number of their generator.
+        late: ticks from a command until it acts.
+    """
+    drawn = drawn_poses(arm, poses, np.random.default_rng(seed), 1.0).positions
+    rows = [_at(arm, control, q, late) for q in drawn]
+    return tuple(_least([row[k] for row in rows]) for k in range(len(arm)))
+
+
+def _least(found: list[JointMargins]) -> JointMargins:
+    return JointMargins(
+        min(one.gain for one in found),
+        max(one.weakest for one in found),
+        min(one.phase for one in found),
+        min(one.delay for one in found),
+        min(one.modulus for one in found),
+        all(one.stable for one in found),
+    )
+
+
+def _at(arm: Arm, control: Control, q: Array, late: int) -> list[JointMargins]:
+    """Margins of all joints at one pose, (n,)."""
+    plant, held = _plant(arm, q, late), _controller(arm, control, q)
+    return [_broken(arm, plant, held, k) for k in range(len(arm))]
+
+
+Loop = tuple[Array, Array, Array, Array]
+"""Matrices A, B, C and D of a sampled system."""
+
+
+def _plant(arm: Arm, q: Array, late: int) -> Loop:
+    """From torques to positions, both (n,), held for a tick and late by whole ticks; states are q, q', what waits."""
+    n = len(arm)
+    rotors = np.diag([joint.actuator.rotor or 0.0 for joint in arm.joints])
+    viscous = np.diag([joint.friction.viscous for joint in arm.joints])
+    inverse = np.linalg.inv(mass_matrix(arm, q[None])[0] + rotors)
+    still = np.zeros((n, n))
+    step = 1e-30
+    weight = inverse_dynamics(arm, q[None] + 1j * step * np.eye(n), still, still).imag.T / step
+    wide = np.zeros((3 * n, 3 * n))
+    wide[:n, n : 2 * n] = np.eye(n)
+    wide[n : 2 * n] = np.hstack([-inverse @ weight, -inverse @ viscous, inverse])
+    flow = expm(wide * arm.period)
+    size = 2 * n + late * n
+    a, b, c = np.zeros((size, size)), np.zeros((size, n)), np.zeros((n, size))
+    a[: 2 * n, : 2 * n] = flow[: 2 * n, : 2 * n]
+    c[:, :n] = np.eye(n)
+    if not late:
+        b[: 2 * n] = flow[: 2 * n, 2 * n :]
+        return a, b, c, np.zeros((n, n))
+    a[: 2 * n, 2 * n : 3 * n] = flow[: 2 * n, 2 * n :]
+    for k in range(late - 1):
+        a[2 * n + k * n : 3 * n + k * n, 3 * n + k * n : 4 * n + k * n] = np.eye(n)
+    b[-n:] = np.eye(n)
+    return a, b, c, np.zeros((n, n))
+
+
+def _controller(arm: Arm, control: Control, q: Array) -> Loop:
+    """From positions to torques, both (n,): observer, feedback, mass matrix and viscous friction of the blocks.
+
+    The states of a joint are TH, OM, SUM, EXPECTED and LAST of JOINT_FEEDBACK.
+    """
+    n, ts, delay = len(arm), arm.period, control.delay
+    kp, ki, kd = control.gains
+    pole = np.exp(-ts * control.observer)
+    # each row is one quantity, as weights of the states TH, OM, SUM, EXPECTED, LAST and of the input
+    th, om, total, expected, last, y = np.eye(6)
+    acting = expected + delay / ts * (last - expected)
+    moved = th + ts * (om + 0.5 * ts * acting)
+    away = y - moved
+    th_after = moved + (1.0 - pole**2) * away
+    om_after = om + ts * acting + (1.0 - pole) ** 2 / ts * away
+    error = -(y + delay * (om_after + 0.5 * delay * expected))
+    rate = -(om_after + delay * expected)
+    total_after = total + ts * ki * error
+    expected_after = kp * error + kd * rate
+    u = expected_after + total_after
+    friction = (kp * error + total_after) / max(kd, 1.0)
+    states = np.array([th_after, om_after, total_after, expected_after, expected])
+    rotors = np.diag([joint.actuator.rotor or 0.0 for joint in arm.joints])
+    viscous = np.diag([joint.friction.viscous for joint in arm.joints])
+    masses = mass_matrix(arm, q[None])[0] + rotors
+    one = np.eye(n)
+    c = np.kron(masses, u[None, :5]) + np.kron(viscous, friction[None, :5])
+    return np.kron(one, states[:, :5]), np.kron(one, states[:, 5:]), c, masses * u[5] + viscous * friction[5]
+
+
+def _broken(arm: Arm, plant: Loop, held: Loop, k: int) -> JointMargins:
+    """Margins of joint k: its torque is broken, and the others are fed back."""
+    (a, b, c, _), (f, g, h, j) = plant, held
+    n = len(arm)
+    others = np.eye(n)
+    others[k, k] = 0.0
+    whole = np.block([[a + b @ others @ j @ c, b @ others @ h], [g @ c, f]])
+    inward = np.concatenate([b[:, k], np.zeros(len(f))])
+    outward = np.concatenate([(j @ c)[k], h[k]])
+    closed = whole + np.outer(inward, outward)
+    stable = bool(np.abs(np.linalg.eigvals(closed)).max() < 1.0)
+    w = np.geomspace(_LOWEST, np.pi / arm.period, _FREQUENCIES)
+    z = np.exp(1j * w * arm.period)
+    loop = -(np.linalg.solve(z[:, None, None] * np.eye(len(whole)) - whole, inward[None, :, None])[..., 0] @ outward)
+    return _margins(loop, w, stable)
+
+
+def _margins(loop: Array, w: Array, stable: bool) -> JointMargins:
+    """Margins of a loop gain L, whose closed loop is 1 / (1 + L), at frequencies w, rad/s."""
+    turns = np.flatnonzero((loop.imag[:-1] * loop.imag[1:] <= 0.0) & (loop.real[:-1] < 0.0))
+    parts = loop.imag[turns] / (loop.imag[turns] - loop.imag[turns + 1] + 1e-300)
+    sizes = np.abs(loop.real[turns] + parts * (loop.real[turns + 1] - loop.real[turns]))
+    below = 1.0 / sizes[sizes > 1.0]
+    above = 1.0 / sizes[(sizes > 0.0) & (sizes <= 1.0)]
+    size = np.abs(loop)
+    crossings = np.flatnonzero((size[:-1] - 1.0) * (size[1:] - 1.0) <= 0.0)
+    phases = np.mod(np.angle(loop[crossings]) + np.pi, 2.0 * np.pi)
+    return JointMargins(
+        float(above.min(initial=np.inf)),
+        float(below.max(initial=0.0)),
+        float(np.minimum(phases, 2.0 * np.pi - phases).min(initial=np.pi)),
+        float((phases / w[crossings]).min(initial=np.inf)),
+        float(np.abs(1.0 + loop).min()),
+        stable,
+    )

@@ -1,0 +1,49 @@
+"""Margins of any arm's control, against the arm's motion under its own blocks."""
+
+import numpy as np
+import pytest
+
+from dtwin.arm.poses import Poses
+from dtwin.cli import main
+from dtwin.controller.chain.application import Control
+from dtwin.emulation.chain.arms import arm_of
+from dtwin.emulation.chain.machine import machine_of
+from dtwin.run.chain import ChainSettings, run
+from dtwin.simulation.chain import margins
+
+WIDE = Control(following=1e9)
+
+
+def rests(late: int) -> bool:
+    """Whether the arm comes to rest in a pose; one that swings ever more is stopped by its blocks."""
+    arm = arm_of("planar-2r")
+    poses = Poses(np.array([[0.0, 0.0], [0.05, 0.05]]), 4.0)
+    result = run(ChainSettings(arm, machine_of("ideal", arm), poses, WIDE, 4.0, late=late))
+    return result.stop == 0 and float(np.abs(result.error[-100:]).max()) < 0.01
+
+
+def test_delays_within_the_margin_are_stood_and_others_are_not() -> None:
+    arm = arm_of("planar-2r")
+    period = arm.period
+    least = min(joint.delay for joint in margins(arm, WIDE, 8))
+    for late in range(5):
+        stable = all(joint.stable for joint in margins(arm, WIDE, 8, late=late))
+        assert stable == (late * period < least)
+        assert rests(late) == stable
+
+
+def test_every_arm_of_the_project_has_the_margins_of_its_gains() -> None:
+    for name in ("planar-2r", "six-axis", "thesis"):
+        for joint in margins(arm_of(name), Control(), 3):
+            assert joint.stable
+            assert joint.gain > 4.0
+            assert joint.weakest < 0.5
+            assert np.degrees(joint.phase) > 40.0
+            assert joint.delay > 0.02
+
+
+def test_the_command_prints_a_row_for_each_joint(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["margins", "--arm", "planar-2r"]) == 0
+    printed = capsys.readouterr().out
+    assert "shoulder" in printed
+    assert "elbow" in printed
