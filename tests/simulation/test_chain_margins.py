@@ -9,7 +9,7 @@ from dtwin.controller.chain.application import Control
 from dtwin.emulation.chain.arms import arm_of
 from dtwin.emulation.chain.machine import machine_of
 from dtwin.run.chain import ChainSettings, run
-from dtwin.simulation.chain import margins
+from dtwin.simulation.margins.chain import margins
 
 WIDE = Control(following=1e9)
 

@@ -11,7 +11,7 @@ from dtwin.arm.chain import Arm
 from dtwin.controller.chain.application import Control
 from dtwin.emulation.chain.arms import arm_of
 from dtwin.errors import ParameterError
-from dtwin.simulation.chain import JointMargins, margins
+from dtwin.simulation.margins.chain import JointMargins, margins
 from dtwin.terminal import as_text, print_json, print_table
 
 
