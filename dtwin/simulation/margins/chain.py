@@ -3,7 +3,7 @@
 The loop is sampled. The plant is the linearised arm, whose commands are held for a tick. The controller is that of
 the block JOINT_FEEDBACK with the mass matrix of CHAIN_LINK, in its linear range. One command is broken at a time
 while the other joints stay under control. Where the loop gain is L, a gain margin is the least factor k > 1, or the
-largest one below 1, at which 1 + k L = 0 is met on the unit circle; a delay margin is the least time that does the same.
+largest one below 1, at which 1 + k L = 0 is met on the unit circle; a delay margin is the least time that does so.
 """
 
 from __future__ import annotations
