@@ -84,8 +84,7 @@ class OwnChannel:
         try:
             match self._action.name:
                 case "WRITE":
-                    for node, variant in zip(self._nodes, variants, strict=True):
-                        await self._server.write(node, variant)
+                    await self._server.write(list(zip(self._nodes, variants, strict=True)))
                 case "CREATE_OBJECT":
                     self._used += await self._server.create(places[0], places[1])
                 case "CREATE_VARIABLE":
@@ -110,6 +109,7 @@ class ReadChannel(OwnChannel):
     def __init__(self, action: Action, inlet: Inlet, server: NodeServer, thread: LoopThread) -> None:
         self._values = [kind.default for kind in inlet.port.receives]
         self._written: list[tuple[ua.NodeId, Any]] = []
+        self._together = Together(inlet)
         super().__init__(action, inlet, server, thread)
 
     async def _prepare(self) -> None:
@@ -126,7 +126,7 @@ class ReadChannel(OwnChannel):
         except CommunicationError as error:
             self._inlet.refuse("RECV_FAILED", str(error))
         else:
-            self._inlet.deliver_latest(tuple(self._values))
+            self._together.deliver(self._values)
 
     async def _close(self) -> None:
         for node, written in self._written:
@@ -174,6 +174,24 @@ class MethodChannel(OwnChannel):
                 return ua.StatusCode(ua.StatusCodes.BadTimeout)
             finally:
                 self._answer = None
+
+
+class Together:
+    """Delivers values that come one after the other in one turn of the loop at once, as they belong together."""
+
+    def __init__(self, inlet: Inlet) -> None:
+        self._inlet = inlet
+        self._asked = False
+
+    def deliver(self, values: list[Any]) -> None:
+        """Delivers what the list holds at the end of the turn."""
+        if not self._asked:
+            self._asked = True
+            asyncio.get_running_loop().call_soon(self._now, values)
+
+    def _now(self, values: list[Any]) -> None:
+        self._asked = False
+        self._inlet.deliver_latest(tuple(values))
 
 
 def _answered(answer: asyncio.Future[list[ua.Variant]], variants: list[ua.Variant]) -> None:

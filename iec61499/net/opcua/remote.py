@@ -19,7 +19,7 @@ from asyncua.crypto.uacrypto import load_certificate
 from iec61499.errors import CommunicationError
 from iec61499.net.inlet import Inlet
 from iec61499.net.opcua.identifiers import Action, Place
-from iec61499.net.opcua.own import ERRORS, UNDER_WAY
+from iec61499.net.opcua.own import ERRORS, UNDER_WAY, Together
 from iec61499.net.opcua.security import application_uri
 from iec61499.net.opcua.server import identifier
 from iec61499.net.opcua.thread import LoopThread
@@ -150,6 +150,7 @@ class RemoteChannel:
         self._nodes: list[Node] = []
         self._parent: Node | None = None
         self._subscription: Any = None
+        self._together = Together(inlet)
         self._told = ""
         self._under_way = 0
         self._sends = converters(inlet.port.sends)
@@ -218,7 +219,7 @@ class RemoteChannel:
         except CommunicationError as error:
             self._inlet.refuse("RECV_FAILED", str(error))
         else:
-            self._inlet.deliver_latest(tuple(self._values))
+            self._together.deliver(self._values)
 
     async def _exchange(self, variants: Sequence[ua.Variant]) -> None:
         try:

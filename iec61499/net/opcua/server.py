@@ -102,11 +102,16 @@ class NodeServer:
                 self._readers[node.nodeid] = written
             return node.nodeid, self._use(used)
 
-    async def write(self, node: ua.NodeId, value: ua.Variant) -> None:
-        """Gives a variable a value. Raises CommunicationError."""
+    async def write(self, values: Sequence[tuple[ua.NodeId, ua.Variant]]) -> None:
+        """Gives variables values, all at once. Raises CommunicationError, and what the library raises."""
         async with self._lock:
             server = await self._listening()
-            await server.get_node(node).write_value(value)
+            asked = ua.WriteParameters()
+            for node, variant in values:
+                value = ua.DataValue(variant)
+                asked.NodesToWrite.append(ua.WriteValue(node, ua.AttributeIds.Value, Value=value))
+            for status in await server.iserver.isession.write(asked):
+                status.check()
 
     async def method(
         self, place: Place, called: Called, inputs: Sequence[ua.Argument], outputs: Sequence[ua.Argument]

@@ -186,3 +186,54 @@ def test_garbage_costs_a_connection_and_no_more(device: ServedDevice, management
 
     wait(management, "METHOD.QO", "TRUE")
     run(scenario)
+
+
+PAIR = """
+IN SUBSCRIBE_2 QI=1 ID="opc_ua[READ;/Objects/Pair/A;/Objects/Pair/B]"
+A DINT2DINT
+B DINT2DINT
+SAME F_EQ
+SWITCH E_SWITCH
+TORN E_CTU PV=60000
+OUT PUBLISH_2 QI=1 ID="opc_ua[WRITE;/Objects/Pair/A;/Objects/Pair/B]"
+NEXT F_ADD IN2=DINT#1
+LAST DINT2DINT
+START.COLD -> IN.INIT
+IN.INITO -> OUT.INIT
+IN.IND -> A.REQ
+A.CNF -> B.REQ
+B.CNF -> SAME.REQ
+SAME.CNF -> SWITCH.EI
+SWITCH.EO0 -> TORN.CU
+IN.RD_1 -> A.IN
+IN.RD_2 -> B.IN
+A.OUT -> SAME.IN1
+B.OUT -> SAME.IN2
+SAME.OUT -> SWITCH.G
+NEXT.CNF -> LAST.REQ
+LAST.CNF -> OUT.REQ
+LAST.OUT -> NEXT.IN1
+NEXT.OUT -> LAST.IN
+LAST.OUT -> OUT.SD_1
+LAST.OUT -> OUT.SD_2
+"""
+
+
+def test_values_that_are_written_together_arrive_together(device: ServedDevice, management: ManagementClient) -> None:
+    build(management, "R", PAIR)
+    management.start("R")
+    wait(management, "OUT.QO", "TRUE")
+
+    async def scenario() -> None:
+        async with Client(endpoint(device)) as client:
+            pair = await client.nodes.objects.get_child("1:Pair")
+            nodes = [await pair.get_child(f"1:{name}") for name in "AB"]
+            for number in range(1, 41):
+                await client.write_values(nodes, [ua.Variant(number, ua.VariantType.Int32)] * 2)
+
+    run(scenario)
+    wait(management, "B.OUT", "40")
+    for _ in range(41):
+        management.trigger("R", "NEXT.REQ")
+    wait(management, "B.OUT", "41")
+    assert management.read("R", "TORN.CV") == "0"
