@@ -1,8 +1,9 @@
 """docs/arms.md, walked with what the page says and nothing else."""
 
+import io
 import re
-import subprocess
-import sys
+import shlex
+from contextlib import redirect_stdout
 from pathlib import Path
 
 import msgspec
@@ -12,6 +13,7 @@ import pytest
 from dtwin.arm import sorting
 from dtwin.arm.file import _JOINT, _TOLERANCES, _TOP
 from dtwin.arm.urdf import read_urdf
+from dtwin.cli import main
 from dtwin.parameters import ROOT
 
 PAGE = (ROOT / "docs" / "arms.md").read_text()
@@ -22,27 +24,22 @@ FILES = {"xml": ("mine.urdf",), "toml": ("mine.toml", "poses.toml", "sort.toml")
 def walked(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     """The folder in which all blocks of the page were carried out in order, and what was printed."""
     folder = tmp_path_factory.mktemp("arms")
-    (folder / "scripts").mkdir()
     for name in ("six-axis", "blocks"):
         (folder / name).mkdir()
-    dtwin = folder / "scripts" / "dtwin"
-    dtwin.write_text(f'#!/bin/sh\nPYTHONPATH={ROOT} exec {sys.executable} -m dtwin "$@"\n')
-    dtwin.chmod(0o755)
-    printed = ""
     waiting = {language: list(names) for language, names in FILES.items()}
-    for language, text in re.findall(r"```(\w+)\n(.*?)```", PAGE, re.DOTALL):
-        if language in waiting:
-            (folder / waiting[language].pop(0)).write_text(text)
-        elif language == "sh":
-            short = re.sub(r"--duration \d+", "--duration 20", text).replace(
-                "excite mine.toml", "excite mine.toml --candidates 4"
-            )
-            command = ["bash", "-e", "-c", short]
-            done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300)
-            assert done.returncode == 0, done.stdout + done.stderr
-            printed += done.stdout
+    printed = io.StringIO()
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(printed):
+        patch.chdir(folder)
+        for language, text in re.findall(r"```(\w+)\n(.*?)```", PAGE, re.DOTALL):
+            if language in waiting:
+                (folder / waiting[language].pop(0)).write_text(text)
+            elif language == "sh":
+                short = re.sub(r"--duration \d+", "--duration 10", text)
+                for line in short.replace("excite mine.toml", "excite mine.toml --candidates 2").splitlines():
+                    program, *words = shlex.split(line, comments=True)
+                    assert (program, main(words)) == ("scripts/dtwin", 0), line
     assert not any(waiting.values())
-    return folder, printed
+    return folder, printed.getvalue()
 
 
 def test_the_page_leads_from_a_urdf_to_an_identified_arm(walked: tuple[Path, str]) -> None:

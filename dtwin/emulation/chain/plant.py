@@ -77,7 +77,7 @@ class ChainPlant:
 
     def apply(self, commands: Sequence[float]) -> None:
         """Commands the drives, (n,), in their own units, each within its limit."""
-        self._waiting.append(np.clip(commands, -self._limit, self._limit))
+        self._waiting.append(np.minimum(np.maximum(commands, -self._limit), self._limit))
         self._data.qfrc_applied[:] = self._constant * self._waiting.pop(0)
 
     def advance(self) -> None:
