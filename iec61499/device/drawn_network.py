@@ -234,6 +234,7 @@ def _fits(source: model.VariableType, destination: model.VariableType) -> bool:
 def value_of(literal: str, kind: DataType) -> Any:
     """The value of a literal; the quotes of texts may be missing or of the other kind, as FORTE accepts them."""
     if isinstance(kind, ElementaryType) and kind.kind == "string":
+        literal = literal.removeprefix(f"{kind.name}#") or literal
         quote = "'" if kind.name == "STRING" else '"'
         bare = literal[:1] not in ("'", '"') or literal[-1:] != literal[:1] or len(literal) < 2
         if bare or literal[0] != quote:

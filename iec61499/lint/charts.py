@@ -26,7 +26,7 @@ def chart_findings(block: model.BasicFBType) -> Iterator[Finding]:
         yield from _never(leaving[state.name], file)
     for transition in block.transitions:
         value = _constant(transition.guard)
-        if value is not None:
+        if value is False or (value and transition.event):  # [TRUE] alone is another way to write 1
             message = f"the condition of {_title(transition)} is always {str(value).upper()}"
             yield Finding(file, transition.line, 0, "condition-is-constant", message)
     yield from _endless(block, leaving)

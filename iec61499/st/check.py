@@ -249,7 +249,10 @@ class _AlgorithmChecker:
         selector = self._expressions.default(self._expressions.infer(node.selector))
         data_type = selector.type
         if not isinstance(data_type, ElementaryType) or data_type.kind not in _SELECTORS:
-            fail(node.selector.at, f"CASE selects by {data_type}: expected an integer, bit string or enumeration")
+            fail(
+                node.selector.at,
+                f"CASE by {data_type} is not supported: expected an integer, bit string or enumeration",
+            )
         count = sum(len(branch.labels) for branch in node.branches)
         if count > _MAXIMUM_LABELS:
             fail(node.at, f"CASE has {count} labels: expected at most {_MAXIMUM_LABELS}")

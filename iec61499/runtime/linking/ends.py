@@ -88,6 +88,8 @@ class Ends:
         if name not in valid:
             kind = f"{'event' if is_event else 'data'} {'output' if is_source != inner else 'input'}"
             other = " (it is another kind of port)" if name in node.interface.names() else ""
+            if name.partition(".")[0] in valid:
+                other = " (connections of members of structures are not supported)"
             self._fail(connection, f"{node.name} has no {kind} {name}{other}", list(valid))
         return Terminal(number, name, inner and not node.is_junction)
 

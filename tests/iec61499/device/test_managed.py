@@ -141,6 +141,9 @@ def test_both_devices_serve_the_same_wire(either: ManagementClient) -> None:
         ("'$'a$''", "'$'a$''"),
         ("'a$$b $'c$' \"d\" <&>'", "a$b 'c' \"d\" <&>"),
         ("'Größe €'", "Größe €"),
+        ("STRING#'typed'", "typed"),
+        ("STRING#bare", "bare"),
+        ("'STRING#x'", "'STRING#x'"),
         ("''", ""),
     ],
 )

@@ -124,6 +124,12 @@ def test_what_the_standard_and_adapters_bring_is_no_finding(tmp_path: Path) -> N
     assert found_in(tmp_path, text.replace("</InterfaceList>", f"{plug}</InterfaceList>")) == {}
 
 
+def test_true_alone_is_another_way_to_write_1(tmp_path: Path) -> None:
+    text = type_with({})
+    assert found_in(tmp_path, text.replace('Condition="1"', 'Condition="[TRUE]"')) == {}
+    assert "condition-is-constant" in found_in(tmp_path, text.replace('Condition="REQ"', 'Condition="REQ[TRUE]"'))
+
+
 def test_a_type_of_hardware_is_right_and_does_not_run(tmp_path: Path) -> None:
     text = '<FBType Name="T"><InterfaceList><EventInputs><Event Name="REQ"/></EventInputs></InterfaceList></FBType>'
     assert found_in(tmp_path, text) == {"no-such-service": 1}

@@ -272,6 +272,7 @@ def test_connections_widen(source: str, data_type: str, value: object, expected:
          r"2: C.PERMIT already has a source in line 1"),
         ("A: E_CTU; B: E_PERMIT", "", "A.CV -> B.PERMIT", {}, "1: connection A.CV -> B.PERMIT: UINT does not fit"),
         ("A: E_SR", "A.EO -> A.S; A.EO -> A.S", "", {}, "2: A.EO is already connected to A.S in line 1"),
+        ("A: E_CTU; B: E_PERMIT", "", "A.Q.X -> B.PERMIT", {}, r"Q.X \(connections of members of structures are not"),
         ("A: E_CTU", "EI -> A.CU", "", {}, "EI names no block: expected A.PORT"),
         ("A: E_CTU", "", "", {"A.CV": "1"}, "A has no data input CV: expected PV"),
         ("A: E_CTU", "", "", {"A.PV": "-1"}, "-1 is out of the range of UINT"),

@@ -46,7 +46,10 @@ ERRORS = [
     ("a[lreal] := 1.0;", "1:3: index is LREAL: expected an integer"),
     ("lreal[1] := 1.0;", "1:7: lreal is a LREAL here and takes no index"),
     ("IF dint THEN ; END_IF;", "1:4: DINT does not fit BOOL: expected BOOL, or convert with DINT_TO_BOOL"),
-    ("CASE lreal OF 1: ; END_CASE;", "1:6: CASE selects by LREAL: expected an integer, bit string or enumeration"),
+    (
+        "CASE lreal OF 1: ; END_CASE;",
+        "1:6: CASE by LREAL is not supported: expected an integer, bit string or enumeration",
+    ),
     ("CASE dint OF 5..1: ; END_CASE;", "1:14: range 5..1 is empty: expected low <= high"),
     ("CASE sint OF 300: ; END_CASE;", "1:14: 300 is out of range: expected SINT -128 to 127"),
     ("FOR lreal := 1 TO 2 DO ; END_FOR;", "1:5: FOR counts with LREAL"),
