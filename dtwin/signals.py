@@ -68,6 +68,7 @@ class EventKind(StrEnum):
     FAILED = "failed"
     RECOVERED = "recovered"
     SPIKE = "spike"
+    BURST = "burst"
     MISFIT = "misfit"
     FITS = "fits"
     ACKNOWLEDGED = "acknowledged"

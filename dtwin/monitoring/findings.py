@@ -35,6 +35,7 @@ from dtwin.monitoring.kinds import (
     parse_fault_id,
     reference,
 )
+from dtwin.monitoring.sensing.bursts import Bursts
 from dtwin.monitoring.sensing.gripper import GripperWatch
 from dtwin.monitoring.sensing.readings import Readings
 from dtwin.monitoring.trend import WATCHED, Trend
@@ -111,6 +112,7 @@ class Findings:
         self._tolerated: set[str] = set()
         self._open: dict[str, Finding] = {}
         self._gripped = self._released = -1.0
+        self._bursts = Bursts()
         self.current: dict[str, Finding] = {}
         self.history: list[Finding] = []
         self.events: list[Event] = []
@@ -221,7 +223,7 @@ class Findings:
             trusted: whether the predictions can tell that an encoder has stopped.
         """
         for i in (i for i, spike in enumerate(readings.spikes.tolist()) if spike):
-            self.note(time - PERIOD, "spike", f"one reading of joint {i + 1} was far off and is left out")
+            self.note(*self._bursts.tell(time, i, int(readings.wild[i])))
         for (i, name, fault), count in zip(_FREEZES, readings.repeated.tolist(), strict=True):
             if readings.frozen[i] and trusted and not self.blind and readings.proven[i]:
                 self.enter(time, finding(fault, time - count * PERIOD, time))

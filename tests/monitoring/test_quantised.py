@@ -11,7 +11,8 @@ from dtwin.emulation.emulation import Emulation
 from dtwin.emulation.faults import parse_fault
 from dtwin.monitoring.estimation.belief import assumed
 from dtwin.monitoring.monitor import Monitor
-from dtwin.monitoring.sensing.readings import FROZEN, Readings
+from dtwin.monitoring.sensing.judging import FROZEN
+from dtwin.monitoring.sensing.readings import Readings
 from dtwin.parameters import PERIOD, ArmParameters
 from dtwin.signals import Sensors
 

@@ -12,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from dtwin.monitoring.kinds import FREEZE, LOCK
-from dtwin.monitoring.sensing.readings import FROZEN, Readings
+from dtwin.monitoring.sensing.judging import FROZEN
+from dtwin.monitoring.sensing.readings import Readings
 from dtwin.monitoring.signatures import Onset, SignatureBank
 
 

@@ -16,7 +16,7 @@ from dtwin.monitoring.estimation.estimator import Estimator, FilterArrays, Past
 from dtwin.monitoring.estimation.layout import SIZE, W
 from dtwin.monitoring.estimation.motion import MotionArrays
 from dtwin.monitoring.estimation.traces import STANDSTILL, Traces
-from dtwin.monitoring.sensing import readings as sensing
+from dtwin.monitoring.sensing import judging as sensing
 from dtwin.monitoring.sensing.readings import Readings, ReadingsArrays
 from dtwin.monitoring.signatures import SignatureBank
 from dtwin.monitoring.tracking.moments import Moment
@@ -226,6 +226,7 @@ def _work(
             r.left_out,
             r.missed,
             r.was_near,
+            r.wild,
             used[k],
         )
         likelihoods[k] = kernels.correct(

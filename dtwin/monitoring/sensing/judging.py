@@ -1,0 +1,166 @@
+"""Which readings are measurements: those that neither repeat what nobody measured nor are where no joint can be."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dtwin.monitoring.estimation.belief import NOISE_FLOOR
+from dtwin.twin.compiled import kernel
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Counts = NDArray[np.int64]
+
+FROZEN: Final = 5
+"""equal readings in a row that an encoder of a moving joint does not give"""
+_LOOK: Final = 25
+"""samples after which a reading that repeats itself is looked at again"""
+_DITHER: Final = 0.5
+"""resolutions: noise of this standard deviation makes the errors of rounding independent (Widrow and Kollar,
+Quantization Noise, 2008)"""
+NOISY: Final = 2.0
+"""resolutions: an encoder of such noise repeats a reading by chance once in seven samples, and FROZEN times never"""
+_STILL: Final = 16
+"""equal readings in a row that such an encoder does not give in months of rest either, though one sample in twenty be
+lost: one in five repeats the one before"""
+_CHANCE: Final = 2
+"""times that such an encoder may repeat its reading by chance"""
+_TOGETHER: Final = 1e-3
+"""probability below which three encoders do not repeat their readings at once: that is a sample that was lost"""
+RESOLUTIONS: Final = 3.0
+DEVIATIONS: Final = 8.0
+"""resolutions and standard deviations of predicted motion that an encoder which works would have shown"""
+FAR: Final = 8.0
+"""standard deviations between reading and prediction, or as unlikely if the tails are heavy: a reading far off after
+one that was near is left out, and a spike if the next one is near again; if not, it counts after all"""
+_NEAR: Final = 0.5
+"""share of that distance, and of the distance of the reading that was left out"""
+STRIDE: Final = 0.05
+"""rad: no joint goes by so much more in a sample than in the one before, which is 500 rad/s^2; readings that were
+far off and are farther apart confirm each other in nothing"""
+BURST: Final = 10
+"""readings in a row that are left out so at most: what stays for longer is no interference"""
+LEAP: Final = 0.25
+"""rad: so far off a reading is left out even where the prediction is not believed more than a single reading"""
+
+
+@kernel
+def take(
+    measured: Array,
+    last: Array,
+    known: Flags,
+    resolution: Array,
+    deviation: Array,
+    noisy: Flags,
+    has_repeated: Flags,
+    repeated: Counts,
+    dithered: Flags,
+    new: Flags,
+    angles: Array,
+) -> None:
+    """Writes the angles (3,) that readings measure, rad, and brings the four arrays before up to date."""
+    for i in range(3):
+        step = measured[i] - last[i]
+        equal = step == 0.0
+        drowned = known[i] and resolution[i] > 0.0 and deviation[i] > _DITHER * resolution[i]
+        dithered[i] = drowned or resolution[i] == 0.0
+        held = 1 if abs(step) > 1.5 * resolution[i] else repeated[i] + 1
+        beyond = 0.5 * resolution[i] * (1.0 - 1.0 / held) if known[i] and not equal and not drowned else 0.0
+        angles[i] = measured[i] - math.copysign(beyond, step)
+        has_repeated[i] |= equal
+        exact = known[i] and resolution[i] == 0.0 and not noisy[i]
+        repeated[i] = repeated[i] + 1 if equal else 0
+        by_chance = drowned and repeated[i] <= _CHANCE
+        new[i] = exact or by_chance if equal else known[i] or not has_repeated[i]
+
+
+@kernel
+def judge(
+    predicted: Array,
+    deviation: Array,
+    trusted: bool,
+    last: Array,
+    angles: Array,
+    new: Flags,
+    repeated: Counts,
+    resolution: Array,
+    noise: Array,
+    dithered: Flags,
+    far: Array,
+    since: Array,
+    frozen: Flags,
+    spikes: Flags,
+    confirmed: Flags,
+    left_out: Flags,
+    missed: Array,
+    was_near: Flags,
+    wild: Counts,
+    measurements: Flags,
+) -> None:
+    """Tells which readings (3,) are measurements, see `Readings.judge`, and updates the eight arrays before.
+
+    An angle of a reading that is looked at again becomes the one within its resolution that is nearest to the
+    prediction.
+    """
+    vanished = _vanished(predicted, deviation, last, repeated, resolution, noise)
+    arrived = min(repeated[0], repeated[1], repeated[2]) == 0
+    for i in range(3):
+        first = repeated[i] == 0
+        if first or math.isnan(since[i]):
+            since[i] = predicted[i]
+        # A prediction that was wrong when the reading came first moves towards it, which is no motion.
+        off = abs(predicted[i] - last[i])
+        moved = min(abs(predicted[i] - since[i]), off)
+        stopped = repeated[i] >= FROZEN - 1 and moved > RESOLUTIONS * resolution[i]
+        restless = noise[i] > max(NOISY * resolution[i], NOISE_FLOOR)
+        stopped = (stopped and moved > DEVIATIONS * deviation[i]) or (restless and repeated[i] >= _STILL - 1)
+        frozen[i] = not first and (frozen[i] or stopped)
+        # One that was far off and is read again is no spike, which a lost sample would repeat only once.
+        stays = left_out[i] and not first and (arrived or repeated[i] > 1)
+        again = not first and resolution[i] > 0.0 and off > 0.5 * resolution[i]
+        again = again and (stays or repeated[i] % _LOOK == 0)
+        # Where neighbouring readings differ by noise, one that repeats the last is more often a sample that was lost.
+        lost = not first and not stays and dithered[i] and (off > deviation[i] or vanished)
+        used = (new[i] or again) and not frozen[i] and not lost
+        if again and not new[i]:
+            angles[i] = last[i] + math.copysign(0.5 * resolution[i], predicted[i] - last[i])
+        innovation = angles[i] - predicted[i]
+        away, limit = abs(innovation), far[i] * deviation[i]
+        near = away < _NEAR * limit
+        returned = away < _NEAR * abs(missed[i]) and (
+            away < limit or (wild[i] == 1 and abs(missed[i]) < 2.0 * STRIDE)
+        )
+        doubted = used and away > limit and (trusted or away > LEAP)
+        # Interference confirms nothing: readings at different places, as no joint moves, and leaps that do not stay.
+        goes_on = abs(innovation - missed[i]) < max(limit, STRIDE) and away < LEAP and wild[i] == 1
+        scattered = doubted and left_out[i] and not returned and not goes_on and wild[i] < BURST
+        spikes[i] = used and left_out[i] and returned
+        confirmed[i] = used and left_out[i] and not returned and not scattered
+        left = scattered or (doubted and was_near[i])
+        if used:
+            wild[i] = wild[i] + 1 if scattered else 1 if left else wild[i]
+            left_out[i], was_near[i], missed[i] = left, near or spikes[i], innovation
+        measurements[i] = used and not left
+
+
+@kernel
+def _vanished(
+    predicted: Array, deviation: Array, last: Array, repeated: Counts, resolution: Array, noise: Array
+) -> bool:
+    """Whether a sample that repeats the one before was lost, see `Readings.judge` for the arguments.
+
+    The chance of a reading to fall on the same multiple of the resolution follows from how it is predicted. Of an
+    encoder without noise or resolution nothing follows: at rest it repeats itself whenever it is read.
+    """
+    chance = 1.0
+    for i in range(3):
+        if repeated[i] == 0:
+            return False
+        if resolution[i] > 0.0 or noise[i] > NOISE_FLOOR:
+            off = (predicted[i] - last[i]) / deviation[i]
+            chance *= min(resolution[i] / (math.sqrt(2.0 * math.pi) * deviation[i]), 1.0) * math.exp(-0.5 * off * off)
+    return chance < _TOGETHER
