@@ -33,6 +33,8 @@ MODEL: Final = tuple(f"CONTROLLER.{kind}{joint}" for kind in (*"KMILCD", "MU") f
 """Inputs with the arm model, which one message sets together, in the order of the message."""
 PAYLOAD: Final = "CONTROLLER.PAYLOAD_MASS"
 """Input with the mass of a box that the controller assumes, kg."""
+CONFIRM: Final = "DETECTOR.CONFIRM"
+"""Input with the samples by which another arm is known, after the first one."""
 OFFSETS: Final = tuple(f"ENCODERS.OFFSET{joint}" for joint in _JOINTS)
 """Inputs with the known offsets of the encoders, rad."""
 PATH: Final = tuple(f"PLANNER.THETA_D{joint}" for joint in _JOINTS)

@@ -85,6 +85,8 @@ CALLS: Final = (
     "help: no way out of this pose is known on which nothing is touched; move the arm without torque and release it",
     "help: the next point is beyond the range of a joint",
     "help: the next point is too low",
+    "help: the arm has not come to rest at the end of its path for 10 s, even within five times the tolerance",
+    "help: readings of an encoder that the voltages cannot explain have stopped the arm; look at it, then release it",
 )
 """What a call for help says, by its number."""
 

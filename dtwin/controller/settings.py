@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final, get_args
 
-from dtwin.controller.ports import OFFSETS, PAYLOAD
+from dtwin.controller.ports import CONFIRM, OFFSETS, PAYLOAD
 from dtwin.errors import ParameterError, choices
 from dtwin.parameters import ArmParameters, Gains, Law, PayloadModel, Triple
 
@@ -35,6 +35,11 @@ COMPENSATION_RANGES: Final = {
     "bandwidth": (10.0, 300.0, "rad/s"),
 }
 """Least and greatest value, and unit, of what the cascade takes into account; the Nyquist frequency is 314 rad/s."""
+BELIEVED: Final = 0.08
+"""Largest distance of a reading that the cascade believes from where its voltages can have brought the joint, rad: in
+a tick, 8 rad/s of a joint that nothing expected to move."""
+CONFIRMED: Final = 2
+"""Samples by which the cascade knows another arm from a burst of wild readings, after the first one of it."""
 NO_OFFSET: Final[Triple] = (0.0, 0.0, 0.0)
 """Offsets of encoders that read what the angles are, rad."""
 APPLICATION_LAW: Final[Law] = "cascade"
@@ -145,6 +150,8 @@ class ControlSettings:
         values["CONTROLLER.DEAD_ZONE"] = self.compensation.dead_zone
         values["OBSERVER.DELAY"] = self.compensation.delay
         values["OBSERVER.BANDWIDTH"] = self.compensation.bandwidth
+        values[CONFIRM] = CONFIRMED if self.law == "cascade" else 0
+        values["OBSERVER.GATE"] = BELIEVED if self.law == "cascade" else 0.0
         values["PLANNER.SMOOTH"] = self.law == "cascade"
         values["PLANNER.T"] = self.target_time
         values.update(zip(OFFSETS, self.encoder_offset, strict=True))

@@ -46,6 +46,8 @@ _OF_BLOCKS: Final[Mapping[str, Range]] = {
     "CONTROLLER.DEAD_ZONE": COMPENSATION_RANGES["dead_zone"][:2],
     "OBSERVER.DELAY": COMPENSATION_RANGES["delay"][:2],
     "OBSERVER.BANDWIDTH": COMPENSATION_RANGES["bandwidth"][:2],
+    "DETECTOR.CONFIRM": (0, 100),
+    "OBSERVER.GATE": (0.0, math.pi),
     "PLANNER.T": TARGET_TIMES,
     "SEQUENCE.BOX_ANGLE": (0.0, math.pi),
     **{f"CONTROLLER.{name.upper()}": (0.0, highest) for name, highest in HIGHEST_GAINS.items()},

@@ -115,6 +115,14 @@ def test_integrals_stay_bounded_at_the_voltage_limit() -> None:
     assert sizes[-1] < 0.05 * 20.0 * KI[0] * 0.5
 
 
+def test_an_error_of_position_beyond_a_tenth_of_a_radian_asks_for_no_more_speed() -> None:
+    """However far a reading says that the arm is away, it is driven no faster than by Kp / Kd times 0.1 rad."""
+    theta, joint = np.array([0.4, -0.8, 0.6]), np.array([0.0, 0.0, 1.0])
+    half, limit, far = (fire(cascade(), theta - off * joint, np.zeros(3), rest(theta)) for off in (0.05, 0.1, 0.5))
+    np.testing.assert_allclose(far, limit, atol=1e-9)
+    assert limit[2] - half[2] > 0.5
+
+
 def test_friction_and_dead_zone_are_compensated() -> None:
     theta, omega = np.zeros(3), np.array([1.0, -1.0, 0.01])
     path = (theta, omega, np.zeros(3))

@@ -17,7 +17,10 @@ from tests.support.driven import FOLDER
 TYPES = sorted(FOLDER.glob("*.fbt"))
 SYSTEM = FOLDER / "dtwin.sys"
 UNIT = re.compile(r"\bin (rad|rad/s|rad/s\^2|rad s|V|s|kg|kg m|kg m\^2|m|N m|N m/V|N m s/rad|1/s|1/s\^2|1/s\^3)\b")
-PURE_NUMBERS = {"TICK", "SAMPLES", "CONFIDENCE", "CONFIDENCE_LIMIT"}
+PURE_NUMBERS = {
+    *("TICK", "SAMPLES", "CONFIDENCE", "CONFIDENCE_LIMIT", "SATURATED", "SATURATION_LIMIT", "DOUBT", "DOUBT_LIMIT"),
+    *(f"{name}{joint}" for name in ("COUNT", "SIGN") for joint in (1, 2, 3)),
+}
 ROW, CHARACTER, MARGIN = 70.0, 16.0, 100.0
 """The sizes of a port and of a letter of its name in 4diac IDE's coordinates, and room around a block, generously."""
 

@@ -15,6 +15,7 @@ from dtwin.cli import main
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.remote import RemoteController
 from dtwin.controller.settings import USUAL_GAINS, ControlSettings
+from dtwin.emulation.emulation import Emulation
 from dtwin.emulation.faults import parse_fault
 from dtwin.logs.log import Log
 from dtwin.parameters import ArmParameters
@@ -34,6 +35,9 @@ from iec61499.net.wire import Signature
 from iec61499.runtime.resource import Resource
 from iec61499.standard.notation import basic
 from iec61499.types import BOOL, DINT, LREAL
+from tests.outside import readings
+from tests.outside.around import Around
+from tests.outside.effect import together
 from tests.support.devices import BLOCKS, DeployedApplication, Receiver, embedded
 from tests.support.forte import FORTE, FORTES, NO_FORTE, forte
 from tests.support.waiting import connected, until
@@ -87,6 +91,20 @@ def test_a_minute_under_the_cascade_is_the_same(served: DeployedApplication) -> 
     log = cell.log.freeze()
     assert_same_run(log, alone.log.freeze())
     assert cell.summary(log).boxes.delivered > 1
+
+
+LIES = together(readings.burst(start=1.0, every=2.0), readings.freeze(start=4.3, every=1e6, length=1e6, joints=(2,)))
+
+
+def test_readings_that_are_not_believed_are_the_same(served: DeployedApplication) -> None:
+    """Bursts that are waited for, then an encoder that stops in mid-motion and the stop that follows."""
+    control = ControlSettings(law="cascade")
+    served.deploy(settings=control)
+    with controller(served, control) as remote:
+        run(Around(Emulation(noise=0.001, seed=4), LIES, seed=4), remote, 700)
+        assert remote.largest_difference <= SAME
+    assert int(served.client.read("EMB_RES", "CELL.TWIN.MONITORING.DECISION.STOP")) == 2
+    assert float(served.client.read("EMB_RES", "CELL.OBSERVER.DOUBT")) > 12.0
 
 
 def test_a_run_is_the_same_to_the_byte(served: DeployedApplication) -> None:

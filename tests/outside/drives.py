@@ -160,7 +160,7 @@ def oil(change: float, time_constant: float = 300.0) -> Effect:
 
     def make(_: np.random.Generator) -> Outside:
         def push(truth: Truth, _: Voltages) -> Triple:
-            now = -change * -math.expm1(-truth.time / time_constant)
+            now = change * math.expm1(-max(truth.time, 0.0) / time_constant)
             return changed(NONE, ALL, lambda i, _: now * truth.omega[i])
 
         return Outside(torques=(push,))

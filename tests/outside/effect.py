@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from msgspec.structs import replace
 
 from dtwin.parameters import Triple
 from dtwin.signals import Sensors, Truth, Voltages
@@ -42,6 +43,38 @@ def together(*effects: Effect) -> Effect:
 
     def make(random: np.random.Generator) -> Outside:
         return sum((effect(random) for effect in effects), Outside())
+
+    return make
+
+
+def later(effect: Effect, delay: float) -> Effect:
+    """An effect for which the time begins later (s), such as in the middle of a motion."""
+
+    def make(random: np.random.Generator) -> Outside:
+        parts = effect(random)
+
+        def reading(part: Reading) -> Reading:
+            def read(sensors: Sensors, truth: Truth) -> Sensors:
+                given = part(replace(sensors, time=sensors.time - delay), truth)
+                return replace(given, time=sensors.time)
+
+            return read
+
+        def command(part: Command) -> Command:
+            def pass_on(voltages: Voltages) -> Voltages:
+                given = part(replace(voltages, time=voltages.time - delay))
+                return replace(given, time=voltages.time)
+
+            return pass_on
+
+        def torque(part: Torque) -> Torque:
+            return lambda truth, voltages: part(replace(truth, time=truth.time - delay), voltages)
+
+        return Outside(
+            tuple(map(reading, parts.readings)),
+            tuple(map(command, parts.commands)),
+            tuple(map(torque, parts.torques)),
+        )
 
     return make
 
