@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from dtwin.controller.kept import application
-from dtwin.controller.ports import BLOCKS, CONFIRM, MOTION_SYSTEM, OFFSETS, PATH, PATH_END
+from dtwin.controller.ports import BLOCKS, CONFIRM, MOTION_SYSTEM, OFFSETS, PATH, PATH_END, WIDENED
 from dtwin.controller.runtime import running
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import ParameterError, choices
@@ -21,8 +21,8 @@ NAMES: Final = tuple(DEFAULT_TASK.all_places)
 STILL: Final[Triple] = (0.0, 0.0, 0.0)
 ARM: Final = "ARM"
 """The SERVER block that receives three angles, whether a path begins and whether a box is held; it answers volts."""
-_OF_THE_APPLICATION: Final = {CONFIRM, *OFFSETS}
-"""Inputs of blocks that look at the readings of the cell, which a single motion has not."""
+_OF_THE_APPLICATION: Final = {CONFIRM, WIDENED, *OFFSETS}
+"""Inputs of blocks of the cell's application, which a single motion has not."""
 
 Goal = str | Triple
 """Goal of a motion: the name of a place, or joint angles in rad."""

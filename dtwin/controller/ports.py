@@ -31,6 +31,8 @@ TUNING: Final = (*(f"CONTROLLER.{kind}{joint}" for kind in ("KP", "KI", "KD") fo
 """Inputs with gains and target time, which one message sets together, in the order of the message."""
 MODEL: Final = tuple(f"CONTROLLER.{kind}{joint}" for kind in (*"KMILCD", "MU") for joint in _JOINTS)
 """Inputs with the arm model, which one message sets together, in the order of the message."""
+WIDENED: Final = "SEQUENCE.WIDENED"
+"""Input with the factor on the tolerance of an arm that does not come to rest."""
 PAYLOAD: Final = "CONTROLLER.PAYLOAD_MASS"
 """Input with the mass of a box that the controller assumes, kg."""
 CONFIRM: Final = "DETECTOR.CONFIRM"

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final, get_args
 
-from dtwin.controller.ports import CONFIRM, OFFSETS, PAYLOAD
+from dtwin.controller.ports import CONFIRM, OFFSETS, PAYLOAD, WIDENED
 from dtwin.errors import ParameterError, choices
 from dtwin.parameters import ArmParameters, Gains, Law, PayloadModel, Triple
 
@@ -40,6 +40,8 @@ BELIEVED: Final = 0.08
 a tick, 8 rad/s of a joint that nothing expected to move."""
 CONFIRMED: Final = 2
 """Samples by which the cascade knows another arm from a burst of wild readings, after the first one of it."""
+RESTLESS: Final = 5.0
+"""Factor on the tolerance with which the cascade takes an arm for settled that does not come to rest."""
 NO_OFFSET: Final[Triple] = (0.0, 0.0, 0.0)
 """Offsets of encoders that read what the angles are, rad."""
 APPLICATION_LAW: Final[Law] = "cascade"
@@ -151,6 +153,7 @@ class ControlSettings:
         values["OBSERVER.DELAY"] = self.compensation.delay
         values["OBSERVER.BANDWIDTH"] = self.compensation.bandwidth
         values[CONFIRM] = CONFIRMED if self.law == "cascade" else 0
+        values[WIDENED] = RESTLESS if self.law == "cascade" else 1.0
         values["OBSERVER.GATE"] = BELIEVED if self.law == "cascade" else 0.0
         values["PLANNER.SMOOTH"] = self.law == "cascade"
         values["PLANNER.T"] = self.target_time

@@ -48,6 +48,7 @@ _OF_BLOCKS: Final[Mapping[str, Range]] = {
     "OBSERVER.BANDWIDTH": COMPENSATION_RANGES["bandwidth"][:2],
     "DETECTOR.CONFIRM": (0, 100),
     "OBSERVER.GATE": (0.0, math.pi),
+    "SEQUENCE.WIDENED": (1.0, 100.0),
     "PLANNER.T": TARGET_TIMES,
     "SEQUENCE.BOX_ANGLE": (0.0, math.pi),
     **{f"CONTROLLER.{name.upper()}": (0.0, highest) for name, highest in HIGHEST_GAINS.items()},

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -15,7 +15,7 @@ from dtwin.controller.bounds import check_bounds
 from dtwin.controller.ports import BLOCKS
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import DivergenceError, ParameterError
-from dtwin.parameters import ArmParameters, Triple
+from dtwin.parameters import ArmParameters, Law, Triple
 from dtwin.simulation.figures import Figures, triple
 from dtwin.simulation.margins.demands import DEMANDS, UNSTABLE, Case, Shortfall
 from dtwin.simulation.margins.loop import lateness, later, linear_loop
@@ -31,8 +31,8 @@ TAIL: Final = 0.5
 TOLERANCE: Final = 0.9
 """Share of the margins of an arm that has less than is demanded that other settings have to keep, and of those that
 are demanded of an arm with effects whose commands are late."""
-WORST_TRACKING: Final = 0.3
-"""Largest distance from the path in any motion of the cell, rad."""
+WORST_TRACKING: Final[Mapping[Law, float]] = {"computed_torque": 0.3, "row_sum": 0.3, "cascade": 0.2}
+"""Largest distance from the path in any motion of the cell, rad; under the cascade 0.25 rad stop the arm."""
 
 
 class Refused(ParameterError):
@@ -199,12 +199,12 @@ class Checker:
             prediction = self.predict(settings, arm, motions, late)
         except (ParameterError, DivergenceError) as error:
             raise Refused(str(error)) from None
-        worst = max(prediction.tracking)
-        if worst > WORST_TRACKING:
+        worst, most = max(prediction.tracking), WORST_TRACKING[settings.law]
+        if worst > most:
             joint, motion = prediction.tracking.index(worst) + 1, prediction.worst
             raise Refused(
                 f"{motion.start} to {motion.goal}: joint {joint} would leave its path by {worst:.3g} rad, expected at"
-                f" most {WORST_TRACKING:g} rad"
+                f" most {most:g} rad"
             )
         return replace(
             prediction,

@@ -16,7 +16,7 @@ def test_an_arm_whose_motor_2_has_lost_its_torque_ends_without_voltage() -> None
     assert outcome.demanded_s < 0.5
     assert outcome.stop == "torque off"
     assert outcome.torque_off_s is not None
-    assert 0.4 <= outcome.torque_off_s < 3.0
+    assert 0.7 <= outcome.torque_off_s < 3.3  # 0.4 s of braking, and 0.3 s in which an arm that was pushed comes back
     assert outcome.rest_s is None
 
 

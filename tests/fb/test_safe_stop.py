@@ -16,6 +16,9 @@ from tests.support.driven import JOINTS, THESIS, Application, Array, Driven, to,
 NONE, BRAKING, STANDSTILL, TORQUE_OFF = range(4)
 NOMINAL, DEGRADING, FAILED, UNKNOWN = range(4)
 BRAKING_SAMPLES = 40
+LASTING = 8
+"""Samples in a row after which an arm is off its path or too fast: more than those after which the bridge knows of an
+arm without voltage."""
 LOOSE_SAMPLES = 30
 """Samples that a standing arm may be far from where it shall be: one that is pushed comes back."""
 VERDICT = "TWIN.MONITORING.VERDICT"
@@ -92,10 +95,10 @@ def test_an_arm_that_was_pushed_away_and_comes_back_keeps_its_torque() -> None:
 def test_an_arm_that_stays_off_its_path_or_too_fast_is_stopped(following: float, speed: float, before: int) -> None:
     block = decision(before)
     for _ in range(3):
-        for _ in range(4):
+        for _ in range(LASTING - 1):
             assert block.fire("CHECK", FOLLOWING=following, SPEED=speed) == []
         assert block.fire("CHECK", FOLLOWING=0.25, SPEED=2.5) == []
-    for _ in range(4):
+    for _ in range(LASTING - 1):
         assert block.fire("CHECK", FOLLOWING=following, SPEED=speed) == []
     assert block["STOP"] == before
     runs = speed != speed and before in (BRAKING, STANDSTILL)
@@ -116,18 +119,30 @@ def test_voltages_cut_off_for_long_and_readings_not_to_be_explained_stop_the_arm
 @pytest.mark.parametrize("before", [BRAKING, STANDSTILL])
 def test_a_stopped_arm_that_runs_away_loses_its_torque(before: int) -> None:
     block = decision(before)
-    for _ in range(4):
+    for _ in range(LASTING - 1):
         assert block.fire("CHECK", SPEED=6.1) == []
     assert block.fire("CHECK", SPEED=6.0) == []
-    for _ in range(4):
+    for _ in range(LASTING - 1):
         assert block.fire("CHECK", SPEED=6.1) == []
     assert block.fire("CHECK", SPEED=6.1) == ["HALT"]
     assert block["STOP"] == TORQUE_OFF
 
 
+def test_a_signal_is_bound_by_no_path_but_by_a_velocity_of_its_own() -> None:
+    """Limits of the task's motions stopped an identification signal in its first samples."""
+    block = decision(NONE)
+    for _ in range(3 * LASTING):
+        fast = {"FOLLOWING": 9.0, "SPEED": 24.9, "SATURATED": 99.0, "DOUBT": 99.0}
+        assert block.fire("CHECK", OVERRIDE=True, **fast) == []
+    for _ in range(LASTING - 1):
+        assert block.fire("CHECK", SPEED=25.1) == []
+    assert block.fire("CHECK") == ["HALT"]
+    assert block["STOP"] == BRAKING
+
+
 def test_a_stop_for_leaving_the_path_goes_on_like_any_other() -> None:
     block = decision(NONE)
-    for _ in range(5):
+    for _ in range(LASTING):
         block.fire("CHECK", FOLLOWING=1.0, SPEED=0.0)
     for sample in range(1, BRAKING_SAMPLES + 1):
         block.fire("REQ", AWAY=0.0)
@@ -230,6 +245,17 @@ def test_no_voltage_drives_an_arm_that_is_too_fast(stop: int) -> None:
     assert block.triple("V").tolist() == [0, 0, 0]
     block.fire("REQ", STOP=stop, SPEED=6.0)
     assert block.triple("V").tolist() == ([0, 0, 0] if stop == TORQUE_OFF else [1, 2, 3])
+
+
+def test_a_signal_is_played_however_fast_the_arm_gets() -> None:
+    """The limit of speed is that of the task's motions; beyond it a planned signal was 0 V."""
+    block = Driven("DATA_SELECTOR")
+    volts = {f"V_SIGNAL{j}": float(j) for j in JOINTS}
+    for speed in (0.0, 6.1, 20.0, 6.1):
+        block.fire("REQ", OVERRIDE=True, HELD=True, SPEED=speed, **volts)
+        assert block.triple("V").tolist() == [1, 2, 3]
+    block.fire("REQ", OVERRIDE=True, STOP=TORQUE_OFF)
+    assert block.triple("V").tolist() == [0, 0, 0]
 
 
 def test_a_stop_ends_the_identification_signal_and_lets_none_begin() -> None:

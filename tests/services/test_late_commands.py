@@ -12,10 +12,12 @@ from dtwin.bus.ticks import Ticks
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.emulation.emulation import Emulation
 from dtwin.emulation.faults import parse_fault
+from dtwin.emulation.machine.plant import plant_of
+from dtwin.emulation.machine.sections import IDEAL
 from dtwin.experiments.monitoring.trial import true_cause
 from dtwin.monitoring.estimation.belief import assumed
 from dtwin.monitoring.monitor import Monitor
-from dtwin.parameters import PERIOD, VOLTAGE_LIMIT, ArmParameters, Triple
+from dtwin.parameters import PERIOD, VOLTAGE_LIMIT, ArmParameters
 from dtwin.services.bridge import LISTEN
 from dtwin.services.monitoring import UNHEARD
 from dtwin.signals import EventKind, Sensors, Voltages
@@ -92,7 +94,6 @@ PICKUP = (-0.6699, -1.5931, 2.2630)
 """Angles at which the blocks take a box, rad."""
 FALL = 0.95
 """Angle by which joint 2 falls, rad."""
-FALLEN = (PICKUP[0], PICKUP[1] + FALL, PICKUP[2])
 THROWN = (PICKUP[0], PICKUP[1] + 0.6, PICKUP[2] - 0.6)
 """Angles that are another arm's if they come in the next sample, rad."""
 
@@ -109,7 +110,7 @@ class Driven:
         self._publish = by_hand.bus.publisher(SENSORS)
         by_hand.bus.subscribe(VOLTAGES, Voltages, self._commands.put)
         self.latched = LatchState(0.0, 0, "none")
-        self._tell = by_hand.bus.publisher(ACTED)
+        self.tell = by_hand.bus.publisher(ACTED)
         by_hand.bus.answer(LATCH, LatchRequest, self._latch, lambda: self.latched)
 
     def _latch(self, asked: LatchRequest) -> LatchState:
@@ -120,16 +121,16 @@ class Driven:
         """Answers samples until a box is gripped; returns the number of that sample."""
         return next(k for k in range(1000) if self.answer(k, PICKUP).box_gripped)
 
-    def fall(self, voltage: float, where: Triple) -> None:
-        """Answers samples of an arm that falls from the pickup, of which is told what voltage it has, and which then
-        stands somewhere."""
+    def fall(self) -> None:
+        """Answers samples of an arm that falls from the pickup though it is told to have a voltage, and which then
+        stands there again."""
         for k in range(10):
             self.answer(k, PICKUP)
         for k in range(20):
             self.answer(10 + k, (PICKUP[0], PICKUP[1] + k / 19 * FALL, PICKUP[2]))
-            self._tell(Acted(10 + k, PERIOD * (10 + k), (voltage,) * 4, True))
+            self.tell(Acted(10 + k, PERIOD * (10 + k), (1.0,) * 4, True))
         for k in range(30, 31 + LISTEN):
-            self.answer(k, where)
+            self.answer(k, PICKUP)
 
     def start_bridge(self) -> None:
         self._by_hand.start("bridge", "--controller", self._management)
@@ -152,7 +153,9 @@ def test_an_arm_that_is_thrown_about_between_late_commands_keeps_its_box(by_hand
     gripped = driven.grip()
     assert driven.answer(gripped + 4, THROWN).box_gripped, "two joints have moved by 0.6 rad in 40 ms"
     assert driven.answer(gripped + 5, THROWN).box_gripped
-    assert not driven.answer(gripped + 6, PICKUP).box_gripped, "in 10 ms it would be another arm"
+    assert driven.answer(gripped + 6, PICKUP).box_gripped, "within 30 ms it may be a burst of wild readings"
+    assert driven.answer(gripped + 7, PICKUP).box_gripped
+    assert not driven.answer(gripped + 8, PICKUP).box_gripped, "it stays where no arm gets in 10 ms: it is another one"
 
 
 def test_a_bridge_that_begins_anew_lets_go_of_no_box(by_hand: ByHand, sockets: str) -> None:
@@ -168,12 +171,24 @@ def test_a_bridge_that_begins_anew_lets_go_of_no_box(by_hand: ByHand, sockets: s
 
 def test_an_arm_that_falls_because_its_commands_are_late_is_not_stopped(by_hand: ByHand, sockets: str) -> None:
     driven = Driven(by_hand, sockets)
-    driven.fall(0.0, FALLEN)
+    plant = plant_of(IDEAL)
+    plant.reset(PICKUP)
+    lowest = 0.0
+    for k in range(31 + LISTEN):
+        first, second, third, _ = plant.sampled
+        lowest = max(lowest, abs(second - PICKUP[1]))
+        volts = driven.answer(k, (first, second, third)).volts
+        if 10 <= k < 30:
+            volts = (0.0,) * 4
+            driven.tell(Acted(k, PERIOD * k, volts, True))
+        plant.apply(volts)
+        plant.advance(PERIOD)
+    assert lowest > 0.3
     assert driven.latched.stop == "none"
 
 
 def test_a_stop_of_the_controllers_own_is_latched_and_told(by_hand: ByHand, sockets: str) -> None:
     driven = Driven(by_hand, sockets)
-    driven.fall(1.0, PICKUP)
+    driven.fall()
     until(lambda: driven.latched.stop != "none", "the stop is latched", PATIENCE)
     until(lambda: any(event.kind == EventKind.STOP for event in by_hand.events), "the stop is told", PATIENCE)

@@ -39,9 +39,9 @@ FAR: Final = 8.0
 one that was near is left out, and a spike if the next one is near again; if not, it counts after all"""
 _NEAR: Final = 0.5
 """share of that distance, and of the distance of the reading that was left out"""
-STRIDE: Final = 0.05
-"""rad: no joint goes by so much more in a sample than in the one before, which is 500 rad/s^2; readings that were
-far off and are farther apart confirm each other in nothing"""
+STRIDE: Final = 0.1
+"""rad: by so much more than in the sample before, which is 1000 rad/s^2, no joint goes on where none is expected to;
+readings that were far off and neither stay there nor go on as they began confirm each other in nothing"""
 BURST: Final = 10
 """readings in a row that are left out so at most: what stays for longer is no interference"""
 LEAP: Final = 0.25
@@ -99,9 +99,10 @@ def judge(
     missed: Array,
     was_near: Flags,
     wild: Counts,
+    pace: Array,
     measurements: Flags,
 ) -> None:
-    """Tells which readings (3,) are measurements, see `Readings.judge`, and updates the eight arrays before.
+    """Tells which readings (3,) are measurements, see `Readings.judge`, and updates the nine arrays before.
 
     An angle of a reading that is looked at again becomes the one within its resolution that is nearest to the
     prediction.
@@ -132,17 +133,19 @@ def judge(
         away, limit = abs(innovation), far[i] * deviation[i]
         near = away < _NEAR * limit
         returned = away < _NEAR * abs(missed[i]) and (
-            away < limit or (wild[i] == 1 and abs(missed[i]) < 2.0 * STRIDE)
+            away < limit or (wild[i] == 1 and abs(missed[i]) < STRIDE)
         )
         doubted = used and away > limit and (trusted or away > LEAP)
         # Interference confirms nothing: readings at different places, as no joint moves, and leaps that do not stay.
-        goes_on = abs(innovation - missed[i]) < max(limit, STRIDE) and away < LEAP and wild[i] == 1
+        step = innovation - missed[i]
+        goes_on = abs(step - pace[i]) < max(limit, STRIDE) and (away < LEAP or (wild[i] > 1 and abs(step) > STRIDE))
         scattered = doubted and left_out[i] and not returned and not goes_on and wild[i] < BURST
         spikes[i] = used and left_out[i] and returned
         confirmed[i] = used and left_out[i] and not returned and not scattered
         left = scattered or (doubted and was_near[i])
         if used:
             wild[i] = wild[i] + 1 if scattered else 1 if left else wild[i]
+            pace[i] = step if scattered else 0.0
             left_out[i], was_near[i], missed[i] = left, near or spikes[i], innovation
         measurements[i] = used and not left
 

@@ -59,6 +59,7 @@ class ReadingsArrays(NamedTuple):
     missed: Array
     was_near: Flags
     wild: Counts
+    pace: Array
 
 
 class Readings:
@@ -93,7 +94,7 @@ class Readings:
         self._far = np.full(3, FAR)
         self._was_near, self._missed = np.zeros(3, dtype=bool), np.zeros(3)
         self.last = np.full(3, np.nan)
-        self.wild = np.zeros(3, dtype=int)
+        self.wild, self._pace = np.zeros(3, dtype=int), np.zeros(3)
         self.repeated = np.zeros(3, dtype=int)
         self.resolution = np.full(3, COARSEST)
         self.frozen = np.zeros(3, dtype=bool)
@@ -132,6 +133,7 @@ class Readings:
             self._missed,
             self._was_near,
             self.wild,
+            self._pace,
         )
 
     def took(self, measured: Array, angles: Array) -> None:
@@ -217,6 +219,7 @@ class Readings:
             self._missed,
             self._was_near,
             self.wild,
+            self._pace,
             measurements,
         )
         return measurements

@@ -227,6 +227,7 @@ def _work(
             r.missed,
             r.was_near,
             r.wild,
+            r.pace,
             used[k],
         )
         likelihoods[k] = kernels.correct(
