@@ -18,7 +18,17 @@ TYPES = sorted(FOLDER.glob("*.fbt"))
 SYSTEM = FOLDER / "dtwin.sys"
 UNIT = re.compile(r"\bin (rad|rad/s|rad/s\^2|rad s|V|s|kg|kg m|kg m\^2|m|N m|N m/V|N m s/rad|1/s|1/s\^2|1/s\^3)\b")
 PURE_NUMBERS = {
-    *("TICK", "SAMPLES", "CONFIDENCE", "CONFIDENCE_LIMIT", "SATURATED", "SATURATION_LIMIT", "DOUBT", "DOUBT_LIMIT"),
+    *(
+        "TICK",
+        "SAMPLES",
+        "CONFIDENCE",
+        "CONFIDENCE_LIMIT",
+        "SATURATED",
+        "SATURATION_LIMIT",
+        "DOUBT",
+        "DOUBT_LIMIT",
+        "WIDENED",
+    ),
     *(f"{name}{joint}" for name in ("COUNT", "SIGN") for joint in (1, 2, 3)),
 }
 ROW, CHARACTER, MARGIN = 70.0, 16.0, 100.0

@@ -132,10 +132,10 @@ def test_a_signal_is_bound_by_no_path_but_by_a_velocity_of_its_own() -> None:
     """Limits of the task's motions stopped an identification signal in its first samples."""
     block = decision(NONE)
     for _ in range(3 * LASTING):
-        fast = {"FOLLOWING": 9.0, "SPEED": 24.9, "SATURATED": 99.0, "DOUBT": 99.0}
+        fast = {"FOLLOWING": 9.0, "SPEED": 9.0, "FASTEST": 24.9, "SATURATED": 99.0, "DOUBT": 99.0}
         assert block.fire("CHECK", OVERRIDE=True, **fast) == []
     for _ in range(LASTING - 1):
-        assert block.fire("CHECK", SPEED=25.1) == []
+        assert block.fire("CHECK", FASTEST=25.1) == []
     assert block.fire("CHECK") == ["HALT"]
     assert block["STOP"] == BRAKING
 
@@ -252,7 +252,7 @@ def test_a_signal_is_played_however_fast_the_arm_gets() -> None:
     block = Driven("DATA_SELECTOR")
     volts = {f"V_SIGNAL{j}": float(j) for j in JOINTS}
     for speed in (0.0, 6.1, 20.0, 6.1):
-        block.fire("REQ", OVERRIDE=True, HELD=True, SPEED=speed, **volts)
+        block.fire("REQ", OVERRIDE=True, SPEED=speed, **volts)
         assert block.triple("V").tolist() == [1, 2, 3]
     block.fire("REQ", OVERRIDE=True, STOP=TORQUE_OFF)
     assert block.triple("V").tolist() == [0, 0, 0]

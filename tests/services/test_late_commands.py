@@ -155,7 +155,7 @@ def test_an_arm_that_is_thrown_about_between_late_commands_keeps_its_box(by_hand
     assert driven.answer(gripped + 5, THROWN).box_gripped
     assert driven.answer(gripped + 6, PICKUP).box_gripped, "within 30 ms it may be a burst of wild readings"
     assert driven.answer(gripped + 7, PICKUP).box_gripped
-    assert not driven.answer(gripped + 8, PICKUP).box_gripped, "it stays where no arm gets in 10 ms: it is another one"
+    assert not driven.answer(gripped + 8, PICKUP).box_gripped, "in 10 ms no arm gets there: it is another"
 
 
 def test_a_bridge_that_begins_anew_lets_go_of_no_box(by_hand: ByHand, sockets: str) -> None:

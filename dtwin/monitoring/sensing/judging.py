@@ -132,9 +132,7 @@ def judge(
         innovation = angles[i] - predicted[i]
         away, limit = abs(innovation), far[i] * deviation[i]
         near = away < _NEAR * limit
-        returned = away < _NEAR * abs(missed[i]) and (
-            away < limit or (wild[i] == 1 and abs(missed[i]) < STRIDE)
-        )
+        returned = away < _NEAR * abs(missed[i]) and (away < limit or (wild[i] == 1 and abs(missed[i]) < STRIDE))
         doubted = used and away > limit and (trusted or away > LEAP)
         # Interference confirms nothing: readings at different places, as no joint moves, and leaps that do not stay.
         step = innovation - missed[i]
