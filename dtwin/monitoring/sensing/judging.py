@@ -45,7 +45,8 @@ readings that were far off and neither stay there nor go on as they began confir
 BURST: Final = 10
 """readings in a row that are left out so at most: what stays for longer is no interference"""
 LEAP: Final = 0.25
-"""rad: so far off a reading is left out even where the prediction is not believed more than a single reading"""
+"""rad: so far off a reading is left out even where the prediction is not believed more than a single reading; no joint
+goes so far in a sample"""
 
 
 @kernel
@@ -136,7 +137,8 @@ def judge(
         doubted = used and away > limit and (trusted or away > LEAP)
         # Interference confirms nothing: readings at different places, as no joint moves, and leaps that do not stay.
         step = innovation - missed[i]
-        goes_on = abs(step - pace[i]) < max(limit, STRIDE) and (away < LEAP or (wild[i] > 1 and abs(step) > STRIDE))
+        moves = wild[i] > 1 and STRIDE < abs(step) < LEAP
+        goes_on = abs(step - pace[i]) < max(limit, STRIDE) and (away < LEAP or moves)
         scattered = doubted and left_out[i] and not returned and not goes_on and wild[i] < BURST
         spikes[i] = used and left_out[i] and returned
         confirmed[i] = used and left_out[i] and not returned and not scattered
