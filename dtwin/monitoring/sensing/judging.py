@@ -45,8 +45,8 @@ readings that were far off and neither stay there nor go on as they began confir
 BURST: Final = 10
 """readings in a row that are left out so at most: what stays for longer is no interference"""
 LEAP: Final = 0.25
-"""rad: so far off a reading is left out even where the prediction is not believed more than a single reading; no joint
-goes so far in a sample"""
+"""rad: so far off a reading is left out even where the prediction is not believed more than a single reading; no
+joint goes so far in a sample"""
 
 
 @kernel
