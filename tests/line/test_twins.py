@@ -1,0 +1,101 @@
+"""Twins of stations, of zones and of the line: what an arm can still do, and which way to share work out is best."""
+
+import itertools
+
+import pytest
+
+from dtwin.line.file import line_of
+from dtwin.line.line import Line
+from dtwin.line.run import LineRun, LineSettings
+from dtwin.line.twins.node import NodeTwin, rehearsed
+from dtwin.line.twins.overall import OverallTwin, predicted
+from dtwin.line.twins.zone import Flow, ZoneTwin
+from dtwin.monitoring.kinds import parse_fault_id
+from dtwin.monitoring.verdict import Finding, finding
+
+LINE = line_of("default")
+PLAN = LINE.stations[0]
+
+
+def found(fault: str, size: float = 0.0) -> Finding:
+    return finding(parse_fault_id(fault), 1.0, 1.5, size)
+
+
+@pytest.mark.parametrize(
+    ("fault", "size", "ability"),
+    [
+        ("K2", -0.9, "nothing"),
+        ("K2", -0.05, "all"),
+        ("lock1", 0.0, "nothing"),
+        ("freeze2", 0.0, "nothing"),
+        ("payload", 0.01, "all"),
+        ("push", 0.0, "all"),
+    ],
+)
+def test_what_an_arm_can_still_do(fault: str, size: float, ability: str) -> None:
+    twin = NodeTwin(PLAN, 0.19, 0.21)
+    capability = twin.judged(found(fault, size))
+    assert capability.ability == ability
+    assert bool(capability.places) == (ability == "all")
+
+
+def test_with_less_torque_an_arm_loses_places_before_it_loses_all() -> None:
+    twin = NodeTwin(PLAN, 0.19, 0.21)
+    places = [set(twin.judged(found("K1", -0.01 * share)).places) for share in range(0, 100, 3)]
+    assert all(later <= earlier for earlier, later in itertools.pairwise(places))
+    assert places[0] == {"blue", "red", "green"}
+    assert places[-1] == set()
+
+
+class Told(ZoneTwin):
+    """A zone whose rate for a number of operations is told, and whose first station may have failed."""
+
+    def __init__(self, line: Line, number: int, rates: dict[int, float], fails: str = "") -> None:
+        super().__init__(line, number, {s.name: NodeTwin(s, 0.19, 0.21) for s in line.stations})
+        self._rates = rates
+        if fails:
+            self._nodes[fails].stopped("it fails")
+
+    def rate(self, assignment: object) -> float:
+        assert isinstance(assignment, dict)
+        return self._rates[len(assignment)]
+
+
+def test_the_twin_of_the_line_takes_the_way_whose_slowest_zone_is_fastest() -> None:
+    first = Told(LINE, 0, {1: 140.0, 2: 90.0, 3: 60.0}, fails="a2")
+    second = Told(LINE, 1, {1: 130.0, 2: 120.0, 3: 95.0})
+    choice = OverallTwin(LINE, [first, second]).choose(LINE.assignment)
+    assert choice is not None
+    assert choice.rate == 95.0
+    assert choice.assignment == {"deburr": "a1", "mark": "b1", "test": "b1", "pack": "b2"}
+
+
+def test_nothing_is_chosen_when_no_station_is_left() -> None:
+    zone = Told(LINE, 0, {1: 1.0, 2: 1.0, 3: 1.0}, fails="a1")
+    zone._nodes["a2"].stopped("it fails, too")
+    other = Told(LINE, 1, {1: 1.0, 2: 1.0, 3: 1.0})
+    assert OverallTwin(LINE, [zone, other]).choose(LINE.assignment) is None
+    assert zone.best(("deburr",), {}) is None
+
+
+def test_of_ways_that_are_alike_the_one_with_fewest_changes_is_taken() -> None:
+    zone = Told(LINE, 0, {2: 100.0})
+    assert zone.best(("deburr", "mark"), {"deburr": "a2", "mark": "a1"}) == Flow(
+        {"deburr": "a2", "mark": "a1"}, 100.0
+    )
+
+
+def test_a_rehearsal_takes_as_long_as_the_arm_does() -> None:
+    times = rehearsed(PLAN)
+    assert set(times.carry) == set(times.back) == {"blue", "red", "green"}
+    assert 0.4 < times.grip < 0.6
+    assert all(2.5 < time < 4.0 for time in times.carry.values())
+    assert all(2.0 < time < 4.0 for time in times.back.values())
+
+
+@pytest.mark.thorough
+def test_the_line_lets_through_what_its_twins_predict() -> None:
+    run = LineRun(LINE, LineSettings(duration=600.0, twins="off"))
+    run.run()
+    times = {station.name: rehearsed(PLAN) for station in LINE.stations}
+    assert run.rate(150.0) == pytest.approx(predicted(LINE, times, LINE.assignment, 450.0), rel=0.03)
