@@ -1,4 +1,4 @@
-"""The control of a line run in this process: all blocks on one resource, or a resource for each device.
+"""The control of a line: all blocks on one resource, a resource for each device, or devices elsewhere.
 
 On one resource they run as machine code where it can be had. On many they talk by PUBLISH and SUBSCRIBE blocks, in
 process; a message is handed over when the one before it has been read, until nobody has anything left to do.
@@ -7,8 +7,9 @@ process; a message is handed over when the one before it has been read, until no
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
+from types import TracebackType
 from typing import Any, Final, Protocol
 
 from dtwin.controller.ports import BLOCKS
@@ -20,9 +21,16 @@ from dtwin.line.system import RESOURCE, on_one_resource, plant_of, setup_of, sys
 from dtwin.line.vehicle import VehicleCommand
 from iec61499.library import Library
 from iec61499.mapping import resource_network
+from iec61499.model import System
+from iec61499.net.address import parse_block_id
+from iec61499.net.client import BlockingClient
+from iec61499.net.wire import Signature
 from iec61499.runtime.communication import Channel, CommunicationPort, LocalTransport, Values
 from iec61499.runtime.resource import Resource
+from iec61499.types import BOOL, DINT, DataType
 
+_TIMEOUT: Final = 5.0
+"""Longest wait for an answer of a device elsewhere, s."""
 _MESSAGES: Final = 1000
 """Most messages that may follow from one sample."""
 
@@ -32,9 +40,6 @@ class Exchange(Protocol):
 
     def exchange(self, block: str, values: Sequence[Any]) -> tuple[Any, ...]:
         """Sends values to a SERVER block and returns its answer. Raises CommunicationError."""
-
-    def read(self, name: str) -> Any:
-        """The value of a variable, `BLOCK.VARIABLE`."""
 
 
 class OneResource:
@@ -57,9 +62,6 @@ class OneResource:
 
     def exchange(self, block: str, values: Sequence[Any]) -> tuple[Any, ...]:
         return self._servers[block].exchange(values)
-
-    def read(self, name: str) -> Any:
-        return self._resource.read(name)
 
 
 class Devices:
@@ -105,11 +107,6 @@ class Devices:
             raise CommunicationError(f"{block} answered {len(answers)} times to one request: expected one RSP")
         return answers[0]
 
-    def read(self, name: str) -> Any:
-        block = name.rpartition(".")[0]
-        found = next(resource for resource in self.resources.values() if block in resource.states())
-        return found.read(name)
-
     def _settle(self) -> None:
         """Lets the devices run, and hands over one message after the other, until none has anything left to do."""
         for _ in range(_MESSAGES):
@@ -119,6 +116,51 @@ class Devices:
             if not self._post.hand_over():
                 return
         raise CommunicationError(f"the devices of the line do not come to rest within {_MESSAGES} messages")
+
+
+class Served:
+    """The blocks of a line on devices elsewhere, such as those of `dtwin fb run --all`; a context manager.
+
+    Args:
+        line: the line.
+        whole: its system, whose SERVER blocks say at which ports they listen.
+
+    Raises:
+        CommunicationError: a block does not listen.
+    """
+
+    def __init__(self, line: Line, whole: System) -> None:
+        self._clients: dict[str, BlockingClient] = {}
+        identities = {
+            block.name: parameter.value.strip("'")
+            for application in whole.applications
+            for block in application.network.blocks
+            for parameter in block.parameters
+            if parameter.name == "ID"
+        }
+        try:
+            for name, (receives, sends) in _signatures(line).items():
+                address = parse_block_id(identities[name])
+                self._clients[name] = BlockingClient(address, Signature(receives), Signature(sends), _TIMEOUT)
+        except CommunicationError:
+            self.close()
+            raise
+
+    def __enter__(self) -> Served:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Ends the connections."""
+        for client in self._clients.values():
+            client.close()
+
+    def exchange(self, block: str, values: Sequence[Any]) -> tuple[Any, ...]:
+        return tuple(self._clients[block].exchange(values))
 
 
 class _Post:
@@ -150,6 +192,17 @@ def servers(line: Line) -> list[str]:
     stations = [plant_of(station.name) for station in line.stations]
     vehicles = [plant_of(vehicle.name) for zone in line.zones for vehicle in zone.vehicles]
     return zones + stations + vehicles
+
+
+def _signatures(line: Line) -> dict[str, tuple[list[DataType], list[DataType]]]:
+    """What each SERVER block of a line receives and sends."""
+    found: dict[str, tuple[list[DataType], list[DataType]]] = {}
+    for zone in line.zones:
+        found[plant_of(zone.name)] = [DINT, DINT], [DINT]
+        found[setup_of(zone.name)] = [DINT] * MOST_OPERATIONS, [DINT]
+        found |= {plant_of(vehicle.name): ([DINT, BOOL, BOOL, DINT], [DINT] * 3) for vehicle in zone.vehicles}
+        found |= {plant_of(station.name): ([DINT] * 5, [DINT]) for station in zone.stations}
+    return found
 
 
 class Control:
@@ -198,11 +251,3 @@ class Control:
                 values = (sample.at, sample.standing, sample.loaded, sample.battery)
                 vehicle.obey(VehicleCommand(*exchange(plant_of(planned.name), values)))
             exchange(plant_of(zone.name), (plant.entry_tag(number), plant.room(number)))
-
-    def phases(self) -> Mapping[str, int]:
-        """What each vehicle does, by its name: see ORDER_EXECUTION."""
-        return {
-            v.name: self.blocks.read(f"{plant_of(v.name).removesuffix('_PLANT')}_EXECUTION.PHASE")
-            for zone in self._line.zones
-            for v in zone.vehicles
-        }

@@ -13,8 +13,7 @@ from dtwin.line.kept import Kept
 STATES: Final = ("waits", "works", "stopped", "blocked")
 """What a station does, by the number in a sample."""
 _STATION_COLOURS: Final = ("#e6e6e6", "#4878a8", "#c44e52", "#ccb974")
-_PHASES: Final = {0: "idle", 1: "to a box", 2: "with a box", 3: "unloads", 9: "charges"}
-_PHASE_COLOURS: Final = {0: "#e6e6e6", 1: "#a8c4de", 2: "#4878a8", 3: "#4878a8", 9: "#55a868"}
+_PHASE_COLOURS: Final = {0: "#e6e6e6", 1: "#a8c4de", 2: "#4878a8", 9: "#55a868"}
 _WIDTH, _LEFT, _ROW = 900.0, 90.0, 22.0
 _WINDOW: Final = 60.0
 """Time over which throughput is told, s."""
@@ -83,7 +82,7 @@ def page(run: Kept) -> str:
             heading("What stations did"),
             picture(_stations(run), "Grey waits, blue works, red is stopped, yellow waits for a vehicle."),
             heading("What vehicles did"),
-            picture(_vehicles(run), "Grey is idle, light blue drives to a box, blue carries one, green charges."),
+            picture(_vehicles(run), "Light blue drives or waits without a box, blue has one, green charges at home."),
             heading("Effectiveness"),
             table(["station", "availability", "performance", "quality", "overall", "blocked"], rows),
             heading("What was decided, and why"),

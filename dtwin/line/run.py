@@ -12,13 +12,14 @@ import msgspec
 
 from dtwin.emulation.faults import parse_fault
 from dtwin.errors import ParameterError, choices
-from dtwin.line.control import Control, Devices, OneResource
+from dtwin.line.control import Control, Devices, Exchange, OneResource
 from dtwin.line.line import Assignment, Line
 from dtwin.line.plant import CYCLE, LineEvent, Plant, check_boxes
 from dtwin.line.station import EmulatedStation, Station
 from dtwin.line.twins.node import NodeTwin
 from dtwin.line.twins.overall import Choice, OverallTwin, changed
 from dtwin.line.twins.zone import ZoneTwin
+from dtwin.line.vehicle import FULL, Vehicle
 from dtwin.line_file import LineFile
 from dtwin.monitoring.verdict import Finding
 from dtwin.parameters import PERIOD
@@ -79,7 +80,7 @@ class Sample:
     Attributes:
         time: plant time, s.
         stations: what each station does: 0 waits, 1 works, 2 stopped, 3 its box is not fetched.
-        vehicles: what each vehicle does: 0 idle, 1 to a box, 2 with a box, 9 charging.
+        vehicles: what each vehicle does: 0 at home, 1 drives or waits without a box, 2 has a box, 9 charges at home.
         positions: where each vehicle is, m.
         boxes: number of boxes in the line.
         left: number of boxes that have left.
@@ -115,6 +116,7 @@ class LineRun:
         line: the line.
         settings: how it runs.
         history: file to which every decision is appended.
+        blocks: blocks that are served elsewhere, in place of those that run in this process.
 
     Attributes:
         plant: its plant.
@@ -126,14 +128,17 @@ class LineRun:
         DtwinError: a station, a fault or the blocks cannot be used.
     """
 
-    def __init__(self, line: Line, settings: LineSettings, history: Path | None = None) -> None:
+    def __init__(
+        self, line: Line, settings: LineSettings, history: Path | None = None, blocks: Exchange | None = None
+    ) -> None:
         self.line, self.settings = line, settings
         self.course = Course()
         self._file = None if history is None else LineFile(history, Decision, "a decision of the line")
         self.emulated = {station.name: EmulatedStation(station) for station in line.stations}
         stations: dict[str, Station] = dict(self.emulated)
         self.plant = Plant(line, stations)
-        self.control = Control(line, Devices(line) if settings.devices else OneResource(line))
+        here = Devices if settings.devices else OneResource
+        self.control = Control(line, blocks or here(line))
         self._nodes = {s.name: NodeTwin(s, line.source.lightest, line.source.heaviest) for s in line.stations}
         self._zones = [ZoneTwin(line, number, self._nodes) for number in range(len(line.zones))]
         self._overall = OverallTwin(line, self._zones)
@@ -201,7 +206,7 @@ class LineRun:
             self._repair(self._repairs.pop(0)[1])
 
     def _sample(self) -> None:
-        phases = self.control.phases()
+        phases = [_phase(vehicle) for vehicle in self.plant.vehicles.values()]
         states = []
         for state in self.plant.stations.values():
             blocked = 3 if state.finished and not state.worked else 0
@@ -209,7 +214,7 @@ class LineRun:
         positions = tuple(vehicle.position for vehicle in self.plant.vehicles.values())
         left = len(self.plant.left)
         self.course.samples.append(
-            Sample(self.time, tuple(states), tuple(phases.values()), positions, self.plant.in_line(), left)
+            Sample(self.time, tuple(states), tuple(phases), positions, self.plant.in_line(), left)
         )
 
     def _answer(self, name: str, node: NodeTwin, finding: Finding) -> None:
@@ -268,3 +273,12 @@ class LineRun:
         self.course.decisions.append(decision)
         if self._file is not None:
             self._file.append(decision)
+
+
+def _phase(vehicle: Vehicle) -> int:
+    """What a vehicle does, see `Sample`."""
+    if vehicle.box:
+        return 2
+    if not vehicle.standing or vehicle.path[0] != vehicle.plan.home:
+        return 1
+    return 9 if vehicle.battery < FULL else 0

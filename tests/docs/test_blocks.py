@@ -125,7 +125,7 @@ READ: Final = {
 }
 """Commands whose options are read only, and why."""
 LONG: Final = (
-    *("--controller", "127.0.0.1", "unix:"),
+    *("--controller", "--served", "127.0.0.1", "unix:"),
     *("--optimise", "--free all", "--friction auto", "--machine 17", "--machine contact"),
     *("--commissioned", "--tuned", "identify run.parquet", "--arm"),
 )

@@ -1,6 +1,9 @@
 """A line at work: nothing is lost, whatever it is set up for; its blocks do the same on one resource and on many."""
 
 import itertools
+import subprocess
+import sys
+from dataclasses import replace
 from pathlib import Path
 
 import msgspec
@@ -8,11 +11,12 @@ import numpy as np
 import pytest
 
 from dtwin.commands.line.run import DEMO
+from dtwin.controller.ports import BLOCKS
 from dtwin.emulation.boxes import Box, Deliveries
 from dtwin.emulation.emulation import Emulation
 from dtwin.errors import DtwinError
 from dtwin.line import vda5050
-from dtwin.line.control import Control, Devices, OneResource
+from dtwin.line.control import Control, Devices, OneResource, Served
 from dtwin.line.file import line_of
 from dtwin.line.kept import HISTORY, kept, prepare, read, write
 from dtwin.line.line import Line
@@ -20,8 +24,14 @@ from dtwin.line.plant import Plant, check_boxes
 from dtwin.line.report import page, summary
 from dtwin.line.run import Decision, LineRun, LineSettings
 from dtwin.line.station import EmulatedStation, Input, TimedStation, WorkTimes, replayed
+from dtwin.line.system import system, text_of
 from dtwin.line.vehicle import Vehicle, VehicleCommand
 from dtwin.line_file import LineFile
+from dtwin.parameters import ROOT
+from iec61499.mapping import configured
+from iec61499.model import Parameter, System
+from tests.support.ports import free_ports
+from tests.support.waiting import connected
 
 LINE = line_of("default")
 PLACES = ("blue", "red", "green")
@@ -186,3 +196,43 @@ def test_orders_and_states_have_the_form_of_the_recommendation() -> None:
     assert [edge["edgeId"] for edge in told["edgeStates"]] == ["home1>n6"]
     assert told["loads"] == [{"loadId": "7"}]
     assert 99.0 < told["powerSupply"]["stateOfCharge"] <= 100.0
+
+
+def own_ports(whole: System) -> System:
+    """A system whose SERVER blocks and device managements listen at free ports."""
+    (application,) = whole.applications
+    names = [block.name for block in application.network.blocks if block.type_name.startswith("SERVER")]
+    ports = free_ports(len(names) + len(whole.devices))
+    devices = tuple(
+        replace(device, parameters=(Parameter("MGR_ID", f"'localhost:{ports.pop()}'"),)) for device in whole.devices
+    )
+    return configured(replace(whole, devices=devices), {f"{name}.ID": f"localhost:{ports.pop()}" for name in names})
+
+
+@pytest.mark.thorough
+def test_blocks_on_devices_that_are_processes_do_the_same(tmp_path: Path) -> None:
+    whole = own_ports(system(LINE))
+    (tmp_path / "line.sys").write_text(text_of(whole))
+    command = [sys.executable, "-m", "dtwin", "fb", "run", "--all", str(tmp_path / "line.sys")]
+    plants = []
+    with subprocess.Popen([*command, "--blocks", str(BLOCKS)], stdout=subprocess.DEVNULL, cwd=ROOT) as devices:
+        try:
+            with connected(lambda: Served(LINE, whole)) as blocks:
+                plants.append(timed(LINE))
+                control = Control(LINE, blocks)
+                control.set_up(LINE.assignment)
+                worked(plants[0], control, 60)
+        finally:
+            devices.terminate()
+    plants.append(timed(LINE))
+    control = Control(LINE, OneResource(LINE))
+    control.set_up(LINE.assignment)
+    worked(plants[1], control, 60)
+    served, here = plants
+    assert served.drain() == here.drain()
+    assert [v.driven for v in served.vehicles.values()] == [v.driven for v in here.vehicles.values()]
+
+
+def test_blocks_that_are_not_served_are_told() -> None:
+    with pytest.raises(DtwinError, match="127"):
+        Served(LINE, own_ports(system(LINE)))

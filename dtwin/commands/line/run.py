@@ -12,10 +12,12 @@ import tyro
 from dtwin.controller.runtime import RuntimeOption, chosen
 from dtwin.errors import ParameterError
 from dtwin.files import ensure_writable, replacing
+from dtwin.line.control import Exchange, Served
 from dtwin.line.file import DEFAULT_NAME, line_of
 from dtwin.line.kept import Kept, kept, prepare, read, write
 from dtwin.line.report import page, summary
 from dtwin.line.run import LineRun, LineSettings, Mode
+from dtwin.line.system import system
 from dtwin.terminal import print_json, printable
 
 _HTML: Final = ".html"
@@ -42,6 +44,9 @@ class LineRunCommand(RuntimeOption):
     """What the twins do with what they decide: act, propose (only write it down), or off."""
     devices: bool = False
     """Run the blocks on a resource for each device, which talk by PUBLISH and SUBSCRIBE."""
+    served: bool = False
+    """Take blocks that are served already, at the ports of the line's system: `dtwin fb run --all fb/line/line.sys`
+    has those of the default line."""
     out: Path | None = None
     """New folder for how it went, the history of decisions, and the logs of all stations."""
     report: Path | None = None
@@ -54,7 +59,13 @@ class LineRunCommand(RuntimeOption):
             raise ParameterError(f"--duration: expected 1 to {_LONGEST:g} s, got {self.duration:g}")
         settings = LineSettings(self.duration, self.twins, tuple(map(_fault, self.fault)), self.devices)
         with chosen(self.runtime):
-            return _carried_out(self.line, settings, self.out, self.report, self.json)
+            if not self.served:
+                return _carried_out(self.line, settings, self.out, self.report, self.json)
+            if self.devices:
+                raise ParameterError("--served, --devices: expected one of them")
+            line = line_of(self.line)
+            with Served(line, system(line)) as blocks:
+                return _carried_out(self.line, settings, self.out, self.report, self.json, blocks)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,12 +111,19 @@ def _fault(text: str) -> tuple[str, str]:
     return station, fault
 
 
-def _carried_out(line: str, settings: LineSettings, out: Path | None, report: Path | None, json: bool) -> int:
+def _carried_out(
+    line: str,
+    settings: LineSettings,
+    out: Path | None,
+    report: Path | None,
+    json: bool,
+    blocks: Exchange | None = None,
+) -> int:
     """Runs a line and writes what is asked for; 1 if a box was lost or vehicles touched."""
     if report is not None:
         ensure_writable(report, _HTML)
     planned = line_of(line)
-    run = LineRun(planned, settings, None if out is None else prepare(out))
+    run = LineRun(planned, settings, None if out is None else prepare(out), blocks)
     try:
         run.run(None if json or not sys.stderr.isatty() else _progress)
     finally:
