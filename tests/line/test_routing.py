@@ -131,7 +131,7 @@ def everybody_comes_to_its_goal(track: Drawn, seed: int) -> None:
     driven.settle(track.homes)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(track=tracks(), seed=st.integers(0, 2**32 - 1))
 def test_on_any_track_everybody_comes_to_its_goal(track: Drawn, seed: int) -> None:
     everybody_comes_to_its_goal(track, seed)

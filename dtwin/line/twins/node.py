@@ -36,7 +36,7 @@ SETTLED: Final = 800
 """Ticks that an arm takes to come to its path at the start, or after it was released."""
 _PATIENCE: Final = 3000
 """Longest wait of a rehearsal for a box, ticks."""
-_START: Final = 800
+_START: Final = 500
 """Ticks in which an arm comes from where it hangs to where boxes wait."""
 
 
