@@ -15,7 +15,7 @@ from typing import Any, Final, Protocol
 from dtwin.controller.ports import BLOCKS
 from dtwin.controller.runtime import running
 from dtwin.errors import CommunicationError
-from dtwin.line.line import MOST_OPERATIONS, Assignment, Line
+from dtwin.line.line import MOST_OPERATIONS, Assignment, Line, ZonePlan
 from dtwin.line.plant import Plant
 from dtwin.line.system import RESOURCE, on_one_resource, plant_of, setup_of, system
 from dtwin.line.vehicle import VehicleCommand
@@ -215,23 +215,39 @@ class Control:
 
     def __init__(self, line: Line, blocks: Exchange) -> None:
         self._line, self.blocks = line, blocks
+        self._assignment: Assignment = line.assignment
+        self._counts: dict[str, int] = {}
 
-    def set_up(self, assignment: Assignment) -> None:
+    def set_up(self, assignment: Assignment) -> bool:
         """Tells the zones which station does which operation from now on.
+
+        Returns:
+            Whether they take it. A zone refuses what would keep boxes from leaving that can leave now; then all go on
+            as before.
 
         Raises:
             ParameterError: the stations cannot do that.
             CommunicationError: a zone does not answer.
         """
         self._line.check_assignment(assignment)
-        for zone in self._line.zones:
-            names = [station.name for station in zone.stations]
-            numbers = [
-                zone.station(assignment[operation.name]) if assignment[operation.name] in names else 0
-                for operation in self._line.operations
-            ]
-            numbers += [0] * (MOST_OPERATIONS - len(numbers))
-            self.blocks.exchange(setup_of(zone.name), numbers)
+        for place, zone in enumerate(self._line.zones):
+            if not self._told(zone, assignment):
+                for other in self._line.zones[:place]:
+                    self._told(other, self._assignment)
+                return False
+        self._assignment = assignment
+        return True
+
+    def _told(self, zone: ZonePlan, assignment: Assignment) -> bool:
+        """Tells a zone; whether it takes it."""
+        names = [station.name for station in zone.stations]
+        stations = [assignment[operation.name] for operation in self._line.operations]
+        numbers = [zone.station(name) if name in names else 0 for name in stations]
+        numbers += [0] * (MOST_OPERATIONS - len(numbers))
+        (count,) = self.blocks.exchange(setup_of(zone.name), numbers)
+        taken = count != self._counts.get(zone.name)
+        self._counts[zone.name] = count
+        return taken
 
     def step(self, plant: Plant) -> None:
         """One cycle: all samples go to the blocks, and their answers to the plant.

@@ -144,6 +144,7 @@ class LineRun:
         self._overall = OverallTwin(line, self._zones)
         self._repairs: list[tuple[float, str]] = []
         self._stopped: set[str] = set()
+        self._pending: tuple[Assignment, str, str] | None = None
         self.wall = 0.0
         self._inject(settings.faults)
         self.assignment: Assignment = dict(line.assignment)
@@ -200,7 +201,9 @@ class LineRun:
                     self._stopped.add(name)
                     node.stopped("the blocks have stopped the arm; what is wrong is not known yet")
                     self._decide(f"blocks of {name}", "stop", "the arm left its path", name)
-                    self._set_up(self._overall.choose(self.assignment), f"{name} can do nothing", name)
+                    self._set_up(self.assignment, f"{name} can do nothing", name)
+            if self._pending is not None:
+                self._set_up(*self._pending)
         # Last, because what stations told before is old then.
         while self._repairs and self._repairs[0][0] <= self.time:
             self._repair(self._repairs.pop(0)[1])
@@ -226,7 +229,7 @@ class LineRun:
             self.emulated[name].give(node.state_of(finding))
             self._stopped.add(name)
             self._decide(f"twin of {name}", "stop", f"{node.capability.ability}: {node.capability.why}", name)
-        self._set_up(self._overall.choose(self.assignment), f"{name} can do {node.capability.ability}", name)
+        self._set_up(self.assignment, f"{name} can do {node.capability.ability}", name)
 
     def _repair(self, name: str) -> None:
         """The operator has repaired an arm and releases it; its work comes back."""
@@ -235,29 +238,42 @@ class LineRun:
         self._stopped.discard(name)
         self._decide(OPERATOR, "repair", "the arm is repaired and released", name)
         if self.settings.twins != "off":
-            self._set_up(self._returned(), f"{name} is repaired", name)
+            self._set_up(self.line.assignment, f"{name} is repaired", name)
 
-    def _returned(self) -> Choice | None:
-        """The assignment of the line's file if it is possible again and as good as any, otherwise the best."""
-        return self._overall.choose(self.line.assignment)
+    def _set_up(self, now: Assignment, because: str, name: str) -> None:
+        """Chooses what the stations do, and has the zones do it; what they refuse is tried again a second later.
 
-    def _set_up(self, choice: Choice | None, because: str, name: str) -> None:
-        if choice is None:
+        Args:
+            now: from which as little as possible shall be changed.
+            because: why.
+            name: station that it is about.
+        """
+        self._pending = None
+        refused: list[Assignment] = []
+        while choice := self._overall.choose(now, refused):
+            if not changed(self.assignment, choice.assignment):
+                return
+            if self.settings.twins == "act" and not self.control.set_up(choice.assignment):
+                refused.append(choice.assignment)
+                continue
+            self._taken(choice, because, name)
+            return
+        if refused:
+            self._pending = (now, because, name)
+        else:
             self._decide("overall twin", "none possible", f"{because}: no station can do all that is left", name)
-            return
-        if not changed(self.assignment, choice.assignment):
-            return
+
+    def _taken(self, choice: Choice, because: str, name: str) -> None:
+        """Notes what the zones do from now on, or would do."""
         acts = self.settings.twins == "act"
         moved = ", ".join(
             f"{operation} from {self.assignment[operation]} to {station}"
             for operation, station in choice.assignment.items()
             if self.assignment[operation] != station
         )
-        why = f"{because}: {moved}; {choice.why}"
-        what = "set-up" if acts else "proposal"
+        why, what = f"{because}: {moved}; {choice.why}", "set-up" if acts else "proposal"
         self._decide("overall twin", what, why, name, choice.assignment, choice.rate)
         if acts:
-            self.control.set_up(choice.assignment)
             self.assignment = choice.assignment
 
     def _decide(

@@ -91,6 +91,15 @@ def test_no_box_is_lost_and_none_stands_for_ever_whatever_the_line_is_set_up_for
     assert (plant.lost, plant.collisions) == (0, 0)
 
 
+def test_a_zone_refuses_a_set_up_in_which_its_boxes_could_not_leave() -> None:
+    control = Control(LINE, OneResource(LINE))
+    assert control.set_up(LINE.assignment)
+    control.blocks.exchange("A1_PLANT", (0, 0, 602, 0, 0))  # box 6 is finished here, its operation 2 is next
+    control.blocks.exchange("A2_PLANT", (502, 0, 403, 0, 0))  # box 5 waits here, box 4 is finished
+    assert not control.set_up({"deburr": "a1", "mark": "a1", "test": "a2", "pack": "b2"})
+    assert control.set_up({"deburr": "a1", "mark": "a2", "test": "b2", "pack": "b2"})
+
+
 def test_the_log_of_an_arm_in_the_line_is_that_of_the_arm_alone() -> None:
     plan = LINE.stations[0]
     inside = EmulatedStation(plan)

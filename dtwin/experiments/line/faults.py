@@ -61,7 +61,8 @@ class LineOutcome:
     Attributes:
         trial: the trial.
         rate: boxes an hour that left after SETTLING; from EARLIEST on without a fault.
-        best: boxes an hour of the best assignment that the line could have had, by simulation of all.
+        best: boxes an hour of the best assignment that the line could have had, by simulation of all; without a fault
+            that of its own one.
         noticed: time from the fault to the set-up that answers it, s; None if there was none.
         lost, collisions: boxes that were lost, and touches of vehicles.
         stood: whether no box left for STANDING at the end.
@@ -110,7 +111,9 @@ def tried(trial: LineTrial) -> LineOutcome:
     return LineOutcome(
         trial,
         run.rate(since),
-        best_rate(line, trial.station, trial.duration - since),
+        best_rate(line, trial.station, trial.duration - since)
+        if trial.station
+        else predicted(line, work_times(line), line.assignment, trial.duration - since),
         answers[0] if answers else None,
         run.plant.lost,
         run.plant.collisions,

@@ -39,7 +39,7 @@ class OverallTwin:
     def __init__(self, line: Line, zones: Sequence[ZoneTwin]) -> None:
         self._line, self._zones = line, zones
 
-    def choose(self, now: Assignment) -> Choice | None:
+    def choose(self, now: Assignment, refused: Sequence[Assignment] = ()) -> Choice | None:
         """The best way to share the operations out among the zones; None if they cannot all be done.
 
         Boxes pass the zones in their order, so each zone does some operations in a row. What a zone makes of its own
@@ -47,6 +47,7 @@ class OverallTwin:
 
         Args:
             now: which station does what now.
+            refused: what the zones have refused.
         """
         found: list[tuple[Assignment, float]] = []
         ways = 0
@@ -61,7 +62,8 @@ class OverallTwin:
             known = [flow for flow in flows if flow is not None]
             whole = {name: station for flow in known for name, station in flow.assignment.items()}
             rate = min([3600.0 / self._line.source.every, *(flow.rate for flow in known)])
-            found.append((whole, rate))
+            if whole not in refused:
+                found.append((whole, rate))
         if not found:
             return None
         most = max(rate for _, rate in found)
