@@ -139,6 +139,7 @@ def _node(text: str) -> NodeName:
         return NodeName(namespace, "s", identifier)
     if kind == "b":
         return NodeName(namespace, "b", identifier)
+    identifier = identifier.removesuffix("/")
     if not re.fullmatch("[0-9]{1,10}", identifier) or int(identifier) >= 1 << 32:
         raise CommunicationError(f"OPC UA node {text!r}: expected a number from 0 to 4294967295 behind i=")
     return NodeName(namespace, "i", int(identifier))

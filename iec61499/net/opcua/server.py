@@ -259,12 +259,7 @@ class NodeServer:
     async def _found(self, server: Server, place: Place) -> tuple[Node | None, list[ua.NodeId]]:
         """A node that is there, and the nodes on the way to it from the root."""
         if not place.path:
-            node = server.get_node(_identifier(place))
-            try:
-                await node.read_node_class()
-            except ua.UaError:
-                return None, []
-            return node, []
+            return await _node_of(server, _identifier(place)), []
         way: list[ua.NodeId] = []
         node = server.nodes.root
         for namespace, name in place.path:
@@ -274,7 +269,9 @@ class NodeServer:
                 return None, []
             way.append(node.nodeid)
         if place.node is not None and node.nodeid != _identifier(place):
-            raise CommunicationError(f"{place} is another node than {place.node}")
+            # nodes of one name with identifiers of their own may stand side by side, as in 4diac FORTE
+            beside = await _node_of(server, _identifier(place))
+            return beside, [*way[:-1], beside.nodeid] if beside is not None else []
         return node, way
 
     async def _made(
@@ -314,6 +311,16 @@ class NodeServer:
 _VARIABLES: Final = (ua.NodeId(ua.ObjectIds.BaseDataVariableType), ua.NodeId(ua.ObjectIds.PropertyType))
 """Types of variables that can be made."""
 _CLOSED: Final = "cannot listen for OPC UA at {}"
+
+
+async def _node_of(server: Server, name: ua.NodeId) -> Node | None:
+    """The node with an identifier; None when there is none."""
+    node = server.get_node(name)
+    try:
+        await node.read_node_class()
+    except ua.UaError:
+        return None
+    return node
 
 
 def _look_whether_free(address: Address) -> None:

@@ -237,3 +237,32 @@ def test_values_that_are_written_together_arrive_together(device: ServedDevice, 
         management.trigger("R", "NEXT.REQ")
     wait(management, "B.OUT", "41")
     assert management.read("R", "TORN.CV") == "0"
+
+
+def test_nodes_of_one_name_stand_side_by_side(device: ServedDevice, management: ManagementClient) -> None:
+    steps = """
+    FIRST SUBSCRIBE_1 QI=1 ID="opc_ua[READ;/Objects/Twins/Twin,1:i=71/]"
+    A INT2INT
+    SECOND SUBSCRIBE_1 QI=1 ID="opc_ua[READ;/Objects/Twins/Twin,1:i=72]"
+    B INT2INT
+    THIRD SUBSCRIBE_1 QI=1 ID="opc_ua[READ;/Objects/Twins/Twin,1:i=72]"
+    C INT2INT
+    START.COLD -> FIRST.INIT
+    FIRST.INITO -> SECOND.INIT
+    SECOND.INITO -> THIRD.INIT
+    SECOND.IND -> B.REQ
+    FIRST.RD_1 -> A.IN
+    SECOND.RD_1 -> B.IN
+    THIRD.RD_1 -> C.IN
+    """
+    build(management, "R", steps)
+    management.start("R")
+    wait(management, "THIRD.STATUS", "TERMINATED")
+    assert management.read("R", "FIRST.QO") == management.read("R", "SECOND.QO") == "TRUE"
+
+    async def scenario() -> None:
+        async with Client(endpoint(device)) as client:
+            await client.get_node("ns=1;i=72").write_value(5, ua.VariantType.Int16)
+
+    run(scenario)
+    wait(management, "B.OUT", "5")
