@@ -1,12 +1,16 @@
 """Where the tool is, against MuJoCo, and the joint positions that bring it somewhere."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from dtwin.arm.chain import Link
 from dtwin.emulation.chain.arms import arm_of
 from dtwin.emulation.chain.machine import machine_of
-from dtwin.emulation.chain.plant import ChainPlant
+from dtwin.emulation.chain.plant import STEPS, ChainPlant
 from dtwin.equations.kinematics import Goal, joints_along, joints_for, tool_of
+from dtwin.equations.native import NativeChain
 from dtwin.errors import UnreachableError
 from tests.support.chains import driven_arm
 
@@ -19,6 +23,22 @@ def test_the_tool_is_where_mujoco_has_it(joints: int) -> None:
     q = np.random.default_rng(0).uniform(-2.0, 2.0, (5, joints))
     expected = [ChainPlant(machine_of("ideal", arm), row).tool for row in q]
     np.testing.assert_allclose(tool_of(arm, q)[0], expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("load", [0.0, 0.7])
+def test_a_held_mass_falls_with_the_arm_as_in_the_equations(load: float) -> None:
+    arm = driven_arm(3, 6)
+    last = arm.links[-1]
+    held = Link("load", load, arm.tool, np.zeros((3, 3)))
+    heavy = replace(arm, links=(*arm.links[:-1], Link.from_parameters(last.name, last.parameters + held.parameters)))
+    plant = ChainPlant(machine_of("ideal", arm), np.array([0.3, -0.2, 0.1]))
+    plant.hold(load)
+    positions = [plant.state[0]]
+    for _ in range(50):
+        plant.advance()
+        positions.append(plant.state[0])
+    found, _ = NativeChain(heavy).rollout(positions[0], np.zeros(3), np.zeros((50, 3)), arm.period / STEPS, STEPS)
+    np.testing.assert_allclose(positions, found, atol=1e-9)
 
 
 def test_joints_bring_the_tool_to_a_goal_within_their_ranges() -> None:

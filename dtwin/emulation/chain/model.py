@@ -48,6 +48,7 @@ def build(arm: Arm, step: float) -> mujoco.MjModel:
     load = body.add_body(name=LOAD, pos=arm.tool)
     load.explicitinertial = True
     load.mass, load.inertia = _NOTHING, [_NOTHING] * 3
+    load.ipos, load.iquat = [0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]  # MuJoCo would take those of the body's frame
     try:
         return spec.compile()
     except ValueError as error:

@@ -73,7 +73,9 @@ class ChainPlant:
 
     def hold(self, mass: float) -> None:
         """Lets the arm hold a point mass at its tool, kg; 0 for nothing."""
-        self._model.body_mass[self._load] = max(mass, 1e-14)
+        change = max(mass, 1e-14) - self._model.body_mass[self._load]
+        self._model.body_mass[self._load] += change
+        self._model.body_subtreemass[: self._load + 1] += change  # all bodies hang on one another
 
     def apply(self, commands: Sequence[float]) -> None:
         """Commands the drives, (n,), in their own units, each within its limit."""
