@@ -108,14 +108,14 @@ class Driven:
             self.step(vehicle)
 
     def settle(self, goals: Sequence[int]) -> None:
-        """Everybody comes to its goal, and those who want the same dock after one another: who is there goes home."""
+        """Everybody comes to its goal, and goes home then, as vehicles do whose order is carried out."""
         self.goals = list(goals)
         served: set[int] = set()
         for _ in range(400 * len(self.held)):
             for vehicle, goal in enumerate(goals):
                 if self.held[vehicle] == [goal]:
                     served.add(vehicle)
-                if vehicle in served and goals.count(goal) > 1:
+                if vehicle in served:
                     self.goals[vehicle] = self.track.homes[vehicle]
                 self.step(vehicle)
             if len(served) == len(goals):

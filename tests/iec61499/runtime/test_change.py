@@ -155,8 +155,10 @@ def test_a_change_that_fails_leaves_no_trace() -> None:
     assert resource.read("B.Y") == 6
 
 
-def test_a_connection_made_twice_is_refused_by_a_change_too() -> None:
-    once = network("A: ADDER; B: ADDER", "", "A.Y -> B.X")
+def test_a_second_source_is_refused_by_a_change_too_but_not_the_same_connection_once_more() -> None:
+    once = network("A: ADDER; B: ADDER; C: ADDER", "", "A.Y -> B.X")
     resource = Resource(once, LIBRARY)
+    resource.change(replace(once, data=once.data * 2))
+    two = network("A: ADDER; B: ADDER; C: ADDER", "", "A.Y -> B.X; C.Y -> B.X")
     with pytest.raises(FunctionBlockError, match="already has a source"):
-        resource.change(replace(once, data=once.data * 2))
+        resource.change(two)

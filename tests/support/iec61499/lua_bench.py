@@ -116,6 +116,8 @@ def _type_names(data_type: Any) -> list[Any]:
 
 def same(one: Any, other: Any) -> bool:
     """Equality to the last bit, any NaN being equal to any other."""
+    if isinstance(one, list) and isinstance(other, list):
+        return len(one) == len(other) and all(map(same, one, other))
     if isinstance(one, float) and isinstance(other, float):
         return (math.isnan(one) and math.isnan(other)) or (one, math.copysign(1, one)) == (
             other,

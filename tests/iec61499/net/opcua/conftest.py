@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 from collections.abc import Callable, Coroutine, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import Any
 
@@ -65,7 +66,8 @@ def endpoint(device: ServedDevice) -> str:
 
 def run(scenario: Callable[[], Coroutine[Any, Any, None]]) -> None:
     """Runs a scenario of clients and servers, for two minutes at most."""
-    asyncio.run(asyncio.wait_for(scenario(), 2 * LONG))
+    with ThreadPoolExecutor(1) as pool:  # the thread of the tests may run the loop of a browser
+        pool.submit(asyncio.run, asyncio.wait_for(scenario(), 2 * LONG)).result()
 
 
 class Values:
