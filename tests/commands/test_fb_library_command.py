@@ -124,10 +124,13 @@ def test_lua_files_hold_the_types(tmp_path: Path, capsys: pytest.CaptureFixture[
         "ORDER_EXECUTION",
         "PATH_PLANNER",
         "PICK_AND_PLACE",
+        "POSE_SEQUENCE",
         "RESTART_DETECTOR",
         "SAFE_STOP",
         "STATE_OBSERVER_3",
+        "STATION_SETUP",
         "SYS_IDENT_3211SIG",
+        "TRACK_ROUTER",
     ]
     counter = Library([BLOCKS]).find("EVENT_COUNTER")
     assert isinstance(counter, model.BasicFBType)
