@@ -26,6 +26,11 @@ def test_a_drawn_machine_delivers_its_first_box() -> None:
     assert "1 machines" in sorting_report([found], 40.0).text
 
 
+def test_a_joint_that_sticks_and_repeats_its_code_stops_no_drawn_machine() -> None:
+    (found,) = machines_at_work(7, 1, 5, 45.0, Workforce(1), lambda done, of: None)
+    assert found.boxes.delivered >= 2
+
+
 GOOD = MachineAtWork(1, BoxCounts(30, 2, 30, 29, 0, 1), 3.0, 0, 0, 0.02)
 
 
