@@ -6,7 +6,7 @@ What goes in and out are values, so that a station may as well be a process of i
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Literal, Protocol
 
 from dtwin.controller.embedded import EmbeddedController
@@ -17,6 +17,7 @@ from dtwin.emulation.boxes import Box, Deliveries
 from dtwin.emulation.emulation import Emulation
 from dtwin.emulation.faults import parse_fault
 from dtwin.emulation.machine.files import machine_of
+from dtwin.emulation.machine.sections import IDEAL
 from dtwin.errors import ParameterError
 from dtwin.line.line import StationPlan
 from dtwin.line.system import task_of
@@ -83,6 +84,7 @@ class EmulatedStation:
 
     Args:
         plan: what it is.
+        settings: those of its cell; as the plan says if not given.
 
     Attributes:
         log: its log, the same to the byte as that of the cell alone with the same `inputs`.
@@ -92,8 +94,8 @@ class EmulatedStation:
         DtwinError: its cell cannot be.
     """
 
-    def __init__(self, plan: StationPlan) -> None:
-        settings = cell_settings(plan)
+    def __init__(self, plan: StationPlan, settings: CellSettings | None = None) -> None:
+        settings = settings or cell_settings(plan)
         self._controller = EmbeddedController(settings.control, settings.blocks, SequenceSettings(task=settings.task))
         self._emulation = Emulation(
             machine=settings.machine,
@@ -193,6 +195,19 @@ def cell_settings(plan: StationPlan) -> CellSettings:
         machine=machine_of(plan.machine or file.machine),
         task=task_of(plan),
     )
+
+
+def believed_settings(plan: StationPlan) -> CellSettings:
+    """The settings of a cell as a twin of the station knows it.
+
+    Its arm is the one that the controller believes in: what machine it really is and which faults it will have only
+    the plant knows.
+
+    Raises:
+        DtwinError: its file or machine cannot be used.
+    """
+    settings = cell_settings(plan)
+    return replace(settings, arm=settings.control.model, machine=IDEAL, faults=())
 
 
 @dataclass(frozen=True, slots=True)

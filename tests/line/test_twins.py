@@ -1,6 +1,7 @@
 """Twins of stations, of zones and of the line: what an arm can still do, and which way to share work out is best."""
 
 import itertools
+from dataclasses import replace
 
 import pytest
 
@@ -45,6 +46,14 @@ def test_with_less_torque_an_arm_loses_places_before_it_loses_all() -> None:
     assert all(later <= earlier for earlier, later in itertools.pairwise(places))
     assert places[0] == {"blue", "red", "green"}
     assert places[-1] == set()
+
+
+def test_a_twin_knows_nothing_of_the_machine_that_its_arm_is() -> None:
+    one, other = NodeTwin(PLAN, 0.19, 0.21), NodeTwin(replace(PLAN, machine="905511"), 0.19, 0.21)
+    assert other.times == one.times
+    for share in range(0, 100, 10):
+        fault = found("K1", -0.01 * share)
+        assert other.judged(fault) == one.judged(fault)
 
 
 class Told(ZoneTwin):

@@ -10,7 +10,7 @@ import numpy as np
 
 from dtwin.errors import ParameterError
 from dtwin.line.line import StationPlan
-from dtwin.line.station import FREE, EmulatedStation, WorkTimes, cell_settings
+from dtwin.line.station import FREE, EmulatedStation, WorkTimes, believed_settings
 from dtwin.logs.collecting import RunLog
 from dtwin.monitoring.estimation.belief import NOISE_FLOOR, assumed
 from dtwin.monitoring.kinds import arm_state
@@ -65,8 +65,8 @@ class NodeTwin:
 
     def __init__(self, plan: StationPlan, lightest: float, heaviest: float) -> None:
         self.plan = plan
-        settings = cell_settings(plan)
-        self._arm, self._task = settings.machine.arm(settings.arm), settings.task
+        settings = believed_settings(plan)
+        self._arm, self._task = settings.arm, settings.task
         noise = max(settings.noise, NOISE_FLOOR)
         self._belief = assumed(self._arm, (noise, noise, noise))
         self._masses = lightest, heaviest
@@ -83,7 +83,7 @@ class NodeTwin:
     @property
     def times(self) -> WorkTimes:
         """How long its work takes as long as nothing is wrong."""
-        return rehearsed(replace(self.plan, name="", node="", operations=(), seed=0, faults=()))
+        return rehearsed(self.plan)
 
     def repaired(self, row: int) -> None:
         """The arm is as it was made to be; what it does is watched from a row of its log on."""
@@ -158,15 +158,22 @@ class NodeTwin:
         return Capability(ability, places, f"{finding.text()}: {beyond}")
 
 
-@lru_cache(maxsize=256)
 def rehearsed(plan: StationPlan) -> WorkTimes:
-    """How long the arm of a station takes: measured in a run of a cell that is as the station was made to be.
+    """How long the arm of a station takes.
+
+    It is measured in a run of its cell with the arm that the controller believes in.
 
     Raises:
         DtwinError: the cell cannot be, or its arm brings no box to a place.
     """
-    station = EmulatedStation(plan)
-    task = cell_settings(plan).task
+    return _rehearsed(replace(plan, name="", node="", operations=(), machine=None, seed=0, faults=()))
+
+
+@lru_cache(maxsize=256)
+def _rehearsed(plan: StationPlan) -> WorkTimes:
+    """The same, once for all stations that are alike but for what the twin does not know or need."""
+    settings = believed_settings(plan)
+    station, task = EmulatedStation(plan, settings), settings.task
     now = 0
 
     def brings(colour: str) -> tuple[float, float]:

@@ -18,13 +18,11 @@ class Choice:
     Attributes:
         assignment: the station of every operation.
         rate: boxes an hour that the line lets through, as the zones tell.
-        looked_at: number of ways to share the operations out that the zones were asked about.
         why: in words.
     """
 
     assignment: dict[str, str]
     rate: float
-    looked_at: int
     why: str
 
 
@@ -50,9 +48,7 @@ class OverallTwin:
             refused: what the zones have refused.
         """
         found: list[tuple[Assignment, float]] = []
-        ways = 0
         for shares in _shares([operation.name for operation in self._line.operations], len(self._zones)):
-            ways += 1
             flows = [
                 zone.best(share, now) if share else Flow({}, 3600.0)
                 for zone, share in zip(self._zones, shares, strict=True)
@@ -75,7 +71,7 @@ class OverallTwin:
             if set(assignment.values()) & set(zone.stations)
         )
         why = f"{rate:.1f} boxes/h of {len(found)} possible ways, the slowest zone is {slow[1]}"
-        return Choice(dict(assignment), rate, ways, why)
+        return Choice(dict(assignment), rate, why)
 
 
 def changed(before: Assignment, after: Assignment) -> int:
