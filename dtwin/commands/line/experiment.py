@@ -32,7 +32,7 @@ class ExperimentLine(SeriesCommand[list[LineOutcome]]):
     that of the best way to share the work out, found by simulating all.
 
     Fails when a box is lost, vehicles touch, the line stands, or throughput with twins is below 95 % of the best
-    (97 % without a fault).
+    after a fault, or without one more than 3 % from what was predicted.
     """
 
     name: ClassVar = "line"
