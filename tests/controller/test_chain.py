@@ -64,6 +64,13 @@ def test_paths_keep_speed_and_acceleration_and_arrive_together() -> None:
     np.testing.assert_allclose(np.cumsum(qd, axis=0)[-1] * arm.period, q[-1], atol=1e-3)
 
 
+def test_a_single_reading_off_the_path_stops_nothing() -> None:
+    blocks = controller(driven_arm(3, 1), Poses(np.zeros((2, 3)), 0.0, True), Control(following=0.2))
+    for tick in range(100):
+        blocks.step([0.0, 0.3 if tick == 40 else 0.0, 0.0])
+    assert blocks.stop == 0
+
+
 def test_a_joint_that_leaves_its_path_stops_the_arm_along_the_path() -> None:
     arm = driven_arm(3, 1)
     blocks = controller(arm, Poses(np.array([[0.0, 0.0, 0.0], [1.5, 1.0, -0.5]]), 0.0, True), Control(following=0.2))
