@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 from iec61499.errors import FunctionBlockError, choices
 from iec61499.model import (
@@ -54,8 +55,13 @@ def management_address(device: DeviceDeclaration) -> str:
     return given.strip("'\"")
 
 
-def literal_of(value: float | str) -> str:
-    """A number, truth value or text as a literal of IEC 61131-3; texts are words of letters and digits."""
+def literal_of(value: Any) -> str:
+    """A number, truth value, text or row of them as a literal of IEC 61131-3.
+
+    Texts are words of letters and digits.
+    """
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(literal_of, value))}]"
     if isinstance(value, str):
         return f"'{value}'"
     return str(value).upper() if isinstance(value, bool) else repr(value)

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
-from xml.sax.saxutils import quoteattr
 
 from dtwin.line.line import MOST_OPERATIONS, MOST_STATIONS, Line, StationPlan, VehiclePlan, ZonePlan
 from dtwin.line.track import MOST_NODES
@@ -28,6 +27,7 @@ from iec61499.model import (
     ResourceDeclaration,
     System,
     TypeHeader,
+    Version,
 )
 from iec61499.model import (
     Mapping as Mapped,
@@ -40,6 +40,8 @@ _FIRST_PORT: Final = 61600
 """Port of the first SERVER block; each further one has the next."""
 _WIDTH, _HEIGHT = 2600.0, 2200.0
 """Room that a block is given in the drawing."""
+
+VERSION: Final = Version("1.0", "dtwin", "2026-11-27", "dtwin", "First version")
 
 
 def plant_of(name: str) -> str:
@@ -108,7 +110,12 @@ def system(line: Line) -> System:
     mappings = tuple(
         Mapped(f"{APPLICATION}.{block}", f"{device}.{RESOURCE}.{block}") for block, device in drawing.places.items()
     )
-    header = TypeHeader(_upper(line.name), comment=f"Control of the line {line.name}", standard="61499-2")
+    header = TypeHeader(
+        _upper(line.name),
+        comment=f"Control of the line {line.name}",
+        standard="61499-2",
+        versions=(VERSION,),
+    )
     return System(header, (application,), devices, mappings)
 
 
@@ -165,7 +172,7 @@ def _draw_zone(drawing: _Drawing, line: Line, zone: ZonePlan) -> None:
         f"{name}_ROUTER",
         "TRACK_ROUTER",
         "Who may drive where",
-        **{key: _literal(value) for key, value in router_inputs(line, number).items()},
+        **{key: literal_of(value) for key, value in router_inputs(line, number).items()},
     )
     drawing.event(f"{plant}.INITO", f"{setup}.INIT")
     drawing.event(f"{setup}.INITO", f"{dispatch}.INIT")
@@ -277,55 +284,5 @@ def _filled(values: Sequence[int], size: int) -> list[int]:
     return [*values, *[0] * (size - len(values))]
 
 
-def _literal(value: Any) -> str:
-    return f"[{', '.join(map(_literal, value))}]" if isinstance(value, list) else literal_of(value)
-
-
 def _upper(name: str) -> str:
     return name.upper().replace("-", "_")
-
-
-def text_of(whole: System) -> str:
-    """A system of one application as 4diac IDE writes it."""
-    (application,) = whole.applications
-    name, comment = quoteattr(whole.header.name), quoteattr(whole.header.comment)
-    lines = [
-        '<?xml version="1.0" encoding="UTF-8"?>',
-        f"<System Name={name} Comment={comment}>",
-        '\t<Identification Standard="61499-2" Classification="Production line" ApplicationDomain="Intralogistics"'
-        f' Function={comment} Type="" Description="">',
-        "\t</Identification>",
-        '\t<VersionInfo Organization="dtwin" Version="1.0" Author="dtwin" Date="2026-11-27" Remarks="First version">',
-        "\t</VersionInfo>",
-        f"\t<Application Name={quoteattr(application.name)} Comment={quoteattr(application.comment)}>",
-        "\t\t<SubAppNetwork>",
-    ]
-    for block in application.network.blocks:
-        ends = f'Name="{block.name}" Type="{block.type_name}" Comment={quoteattr(block.comment)}'
-        lines.append(f'\t\t\t<FB {ends} x="{block.x}" y="{block.y}">')
-        lines += [f'\t\t\t\t<Parameter Name="{p.name}" Value={quoteattr(p.value)}/>' for p in block.parameters]
-        lines.append("\t\t\t</FB>")
-    for tag, connections in (
-        ("EventConnections", application.network.events),
-        ("DataConnections", application.network.data),
-    ):
-        lines.append(f"\t\t\t<{tag}>")
-        lines += [f"\t\t\t\t{_connection(connection)}" for connection in connections]
-        lines.append(f"\t\t\t</{tag}>")
-    lines += ["\t\t</SubAppNetwork>", "\t</Application>"]
-    for device in whole.devices:
-        lines.append(f'\t<Device Name="{device.name}" Type="{device.type_name}" Comment={quoteattr(device.comment)}>')
-        lines += [f'\t\t<Parameter Name="{p.name}" Value={quoteattr(p.value)}/>' for p in device.parameters]
-        for resource in device.resources:
-            ends = f'Name="{resource.name}" Type="{resource.type_name}" Comment={quoteattr(resource.comment)}'
-            lines += [f"\t\t<Resource {ends}>", "\t\t\t<FBNetwork>", "\t\t\t\t<EventConnections>"]
-            lines += [f"\t\t\t\t\t{_connection(c)}" for c in resource.network.events]
-            lines += ["\t\t\t\t</EventConnections>", "\t\t\t</FBNetwork>", "\t\t</Resource>"]
-        lines.append("\t</Device>")
-    lines += [f'\t<Mapping From="{each.source}" To="{each.destination}"/>' for each in whole.mappings]
-    lines += ["</System>", ""]
-    return "\n".join(lines)
-
-
-def _connection(connection: Connection) -> str:
-    return f'<Connection Source="{connection.source}" Destination="{connection.destination}" Comment=""/>'

@@ -7,8 +7,9 @@ import pytest
 
 from dtwin.errors import DtwinError
 from dtwin.line.file import FOLDER, line_of, load
-from dtwin.line.system import system, text_of
+from dtwin.line.system import system
 from dtwin.parameters import ROOT
+from iec61499.deploy.system_file import system_text
 
 DEFAULT = (FOLDER / "default.toml").read_text()
 
@@ -21,7 +22,7 @@ def test_the_usual_line() -> None:
 
 
 def test_the_system_file_is_that_of_the_usual_line() -> None:
-    assert (ROOT / "fb" / "line" / "line.sys").read_text() == text_of(system(line_of("default")))
+    assert (ROOT / "fb" / "line" / "line.sys").read_text() == system_text(system(line_of("default")))
 
 
 @pytest.mark.parametrize(

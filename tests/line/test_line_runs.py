@@ -24,10 +24,11 @@ from dtwin.line.plant import Plant, check_boxes
 from dtwin.line.report import page, summary
 from dtwin.line.run import Decision, LineRun, LineSettings
 from dtwin.line.station import EmulatedStation, Input, TimedStation, WorkTimes, replayed
-from dtwin.line.system import system, text_of
+from dtwin.line.system import system
 from dtwin.line.vehicle import Vehicle, VehicleCommand
 from dtwin.line_file import LineFile
 from dtwin.parameters import ROOT
+from iec61499.deploy.system_file import system_text
 from iec61499.mapping import configured
 from iec61499.model import Parameter, System
 from tests.support.ports import free_ports
@@ -221,7 +222,7 @@ def own_ports(whole: System) -> System:
 @pytest.mark.thorough
 def test_blocks_on_devices_that_are_processes_do_the_same(tmp_path: Path) -> None:
     whole = own_ports(system(LINE))
-    (tmp_path / "line.sys").write_text(text_of(whole))
+    (tmp_path / "line.sys").write_text(system_text(whole))
     command = [sys.executable, "-m", "dtwin", "fb", "run", "--all", str(tmp_path / "line.sys")]
     plants = []
     with subprocess.Popen([*command, "--blocks", str(BLOCKS)], stdout=subprocess.DEVNULL, cwd=ROOT) as devices:

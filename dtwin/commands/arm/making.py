@@ -9,13 +9,13 @@ from typing import Annotated, Final
 import tyro
 
 from dtwin.arm.poses import read_poses
-from dtwin.controller.chain.application import APPLICATION, ARM, LIBRARY, Control, inputs, network
-from dtwin.controller.chain.printing import system_text
+from dtwin.controller.chain.application import LIBRARY, Control, inputs, network, system
 from dtwin.emulation.chain.arms import arm_of
 from dtwin.equations.rigid import usual_inertia
 from dtwin.errors import ParameterError
 from dtwin.files import ensure_writable, replacing
 from dtwin.terminal import printable
+from iec61499.deploy.system_file import system_text
 
 TYPES: Final = (
     *("POSE_SEQUENCE", "CHAIN_JOINT", "JOINT_PATH", "JOINT_FEEDBACK", "CHAIN_LINK", "JOINT_DRIVE"),
@@ -51,7 +51,7 @@ class FbMake:
             with replacing(path) as temporary:
                 temporary.write_bytes(content)
         with replacing(self.out, ".sys") as temporary:
-            temporary.write_text(system_text(self.out.stem, APPLICATION, network(len(arm)), values, ARM))
+            temporary.write_text(system_text(system(self.out.stem, network(len(arm)), values)))
         print(printable(f"{self.out}: {len(arm)} joints of {arm.name}, {len(types)} block types beside it"))
         return 0
 

@@ -10,8 +10,8 @@ an arm and its task are values of inputs.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, Final
 
@@ -22,6 +22,7 @@ from dtwin.arm.poses import MOST, Poses
 from dtwin.controller.ports import BLOCKS
 from dtwin.errors import ModelError
 from iec61499 import model
+from iec61499.mapping import literal_of
 from iec61499.net.wire import Signature
 from iec61499.types import BOOL, DINT, LREAL
 
@@ -39,6 +40,9 @@ APPLICATION: Final = "ARM_CONTROL"
 """Name of the application in a system."""
 LIBRARY: Final = BLOCKS
 """Folder of the block types."""
+_DEVICE: Final = "FORTE_PC"
+_RESOURCE: Final = "EMB_RES"
+_VERSION: Final = model.Version("1.0", "dtwin", "2026-11-27", "dtwin", "Made by dtwin fb make")
 _SHARED: Final = ("INDEX", "ELAPSED", "T", "RATE", "CHANGE", "OFF")
 """What SEQUENCE tells every joint."""
 _XYZ: Final = ("X", "Y", "Z")
@@ -169,6 +173,34 @@ def _data(names: list[str]) -> Iterator[model.Connection]:
         (f"{STOP}.STOP", f"{VERDICT}.SD_1"),
     ):
         yield model.Connection(source, destination)
+
+
+def system(name: str, drawn: model.FBNetwork, values: Mapping[str, Any]) -> model.System:
+    """The system of one device on whose resource the whole application runs.
+
+    Args:
+        name: name of the system.
+        drawn: blocks and connections.
+        values: values of inputs, by `BLOCK.INPUT`.
+    """
+    given = {block.name: {each.name: each for each in block.parameters} for block in drawn.blocks}
+    for port, value in values.items():
+        block_name, _, port_name = port.partition(".")
+        given[block_name][port_name] = model.Parameter(port_name, literal_of(value))
+    blocks = tuple(replace(block, parameters=tuple(given[block.name].values())) for block in drawn.blocks)
+    comment = f"Control of the arm {name}"
+    starts = tuple(model.Connection(f"START.{start}", f"{ARM}.INIT") for start in ("COLD", "WARM"))
+    resource = model.ResourceDeclaration(
+        _RESOURCE, "EMB_RES", model.FBNetwork((), (), starts), comment="Resource of the application"
+    )
+    manager = model.Parameter("MGR_ID", '"localhost:61499"')
+    device = model.DeviceDeclaration(_DEVICE, "FORTE_PC", (resource,), (manager,), "Runtime of the controller")
+    return model.System(
+        model.TypeHeader(name, comment=comment, standard="61499-2", versions=(_VERSION,)),
+        (model.ApplicationDeclaration(APPLICATION, replace(drawn, blocks=blocks), comment),),
+        (device,),
+        tuple(model.Mapping(f"{APPLICATION}.{b.name}", f"{_DEVICE}.{_RESOURCE}.{b.name}") for b in blocks),
+    )
 
 
 def inputs(arm: Arm, inertia: Array, control: Control, poses: Poses | None) -> dict[str, Any]:
