@@ -62,6 +62,7 @@ def test_a_stop_needs_no_desk_whoever_has_it_and_is_sent_also_to_an_arm_that_sta
         assert (status, answer["done"], answer["reply"]["stop"]) == (200, True, "torque off")
         assert [(request.who, request.why) for request in served.cell.asked] == count * [("somebody", "to see")]
     assert other.post("/api/desk/occupy")[0] == 200
+    until(lambda: served.console.hub.state().stop != "none", "the console knows that the arm is stopped")
     assert visitor.post("/api/command/release")[1]["text"] == "somebody has the desk"
     assert visitor.post("/api/command/stop")[0] == 200
     assert len(served.cell.asked) == 3
