@@ -34,8 +34,10 @@ from numba.core.caching import FunctionCache, IndexDataCacheFile
 log = logging.getLogger(__name__)
 
 _CHECKSUM: Final = hashlib.sha256().digest_size
-_LONGEST: Final = 60.0
-"""Longest time for which a process waits for one that may have been stopped, s; then it compiles as well."""
+_LONGEST: Final = 600.0
+"""Longest time for which a process waits for one that may have been stopped, s; then it compiles as well. The kernels
+of the monitor take 100 s of a processor together, and several times that where many processes share it: all that
+gave up waiting would make it slower still."""
 _LOOK: Final = 0.02
 """Time between two looks whether the other one is done, s."""
 _COMPILE: Final = "numba:compile"

@@ -7,21 +7,27 @@ from typing import Final
 
 import msgspec
 
+from dtwin.parameters import PERIOD
+from dtwin.services.parts.gate import STALE
 from dtwin.signals import Sensors
 
-STRIDE: Final = 0.1
-"""rad of a joint between two samples: a fifth of what SAFE_STOP and RESTART_DETECTOR stand, and 10 rad/s of 25"""
-MOST: Final = 200
+STRIDE: Final = 0.04
+"""rad of a joint between two samples, 4 rad/s: less than the observer's gate takes for a jump (STATE_OBSERVER_3)"""
+TICKS: Final = round(STALE / PERIOD)
+"""Missed ticks that are made up for one by one; after more of them the arm has lost its voltage and the path begins
+anew."""
+MOST: Final = 500
 """steps: an arm that is farther away is given up"""
 
 
 def strides(before: Sensors, now: Sensors) -> list[Sensors]:
     """What the same arm may have measured between two samples: all of the later one but the angles, evenly spread.
 
-    None is needed, and none returned, when no angle differs by more than STRIDE, or when no MOST would do.
+    There is one for each tick that was missed, so that the blocks see the arm as fast as it is and their time is that
+    of the plant, and more where an angle would differ by more than STRIDE; none when more than MOST would be needed.
     """
     farthest = max(abs(b - a) for a, b in zip(before.theta, now.theta, strict=True))
-    count = math.ceil(farthest / STRIDE)
+    count = max(math.ceil(farthest / STRIDE), min(now.sequence - before.sequence, TICKS))
     if count > MOST:
         return []
     steps = []

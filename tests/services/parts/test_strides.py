@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from dtwin.controller.embedded import EmbeddedController
+from dtwin.controller.ports import STOP
 from dtwin.emulation.emulation import Emulation
 from dtwin.parameters import PERIOD
-from dtwin.services.parts.strides import MOST, STRIDE, strides
+from dtwin.services.parts.strides import MOST, STRIDE, TICKS, strides
 from dtwin.signals import Sensors, Voltages
 
 
@@ -25,9 +26,32 @@ def test_no_joint_jumps_and_the_rest_is_that_of_the_later_sample(end: tuple[floa
     assert {(s.sequence, s.gripper, s.box_present, s.box_colour) for s in steps} == {(205, 0.4, True, "red")}
 
 
-def test_near_samples_need_no_step_and_far_ones_get_none() -> None:
-    assert strides(sample(0.0, 0.0, 0.0), sample(STRIDE, 0.0, -STRIDE, sequence=9)) == []
+def test_there_is_a_step_for_each_missed_tick() -> None:
+    assert strides(sample(0.0, 0.0, 0.0), sample(STRIDE, 0.0, -STRIDE, sequence=1)) == []
+    angles = [each.theta[0] for each in strides(sample(0.0, 0.0, 0.0), sample(0.03, 0.0, 0.0, sequence=3))]
+    assert angles == pytest.approx([0.01, 0.02])
+    assert len(strides(sample(0.0, 0.0, 0.0), sample(STRIDE, 0.0, 0.0, sequence=900))) == TICKS - 1
     assert strides(sample(0.0, 0.0, 0.0), sample((MOST + 1) * STRIDE, 0.0, 0.0, sequence=9)) == []
+
+
+@pytest.mark.parametrize("seed", [1, 2, 4, 7])
+def test_an_arm_whose_commands_miss_one_tick_in_nine_is_not_stopped(seed: int) -> None:
+    """The last voltages act on meanwhile; the observer would take what the arm does in many ticks for a jump."""
+    plant, controller, missed = Emulation(noise=0.002, seed=seed), EmbeddedController(), np.random.default_rng(seed)
+    before, silent = plant.read(), 0
+    for _ in range(3000):
+        if silent == 0:
+            now = plant.read()
+            for step in strides(before, now):
+                controller.step(step)
+            plant.apply(controller.step(now))
+            before = now
+            silent = int(missed.integers(1, TICKS)) if missed.random() < 0.05 else 0
+        else:
+            silent -= 1
+        plant.advance(PERIOD)
+        assert controller.resource.read(STOP) == 0
+    assert plant.box_counts.delivered >= 1
 
 
 def after_a_gap() -> tuple[EmbeddedController, Sensors, Sensors]:
