@@ -45,7 +45,7 @@ def test_an_arm_whose_encoder_lies_brakes_and_stands(lie: str) -> None:
 @pytest.mark.parametrize("step", [0.045, -0.05, 0.06])
 @pytest.mark.parametrize("joint", TOGETHER)
 def test_a_step_that_the_arm_can_work_with_stops_nothing(joint: int, step: float) -> None:
-    """A step just within what is believed at once kicked the velocity, by which the readings after it were doubted."""
+    """A step just within what is believed kicked the velocity, and the readings after it were doubted."""
     found = outcome(readings.jump(step, start=9.2, joints=(joint,)), seed=1, duration=13.0, noise=0.002)
     assert found.stopped == float("inf")
     assert found.fastest < FASTEST
