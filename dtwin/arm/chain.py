@@ -7,6 +7,7 @@ it is turned and shifted against the frame of link i - 1 as `Joint.rotation` and
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Final, Literal
 
 import numpy as np
@@ -182,6 +183,7 @@ class Arm:
         period: time between two samples of its controller, s.
         tolerances: how arms of this kind differ from it.
         gripper: what holds a load, if anything does.
+        model: file that the chain was read from, which has its shapes; None where there is none.
     """
 
     name: str
@@ -193,6 +195,7 @@ class Arm:
     period: float = 0.01
     tolerances: Tolerances = Tolerances()
     gripper: Gripper | None = None
+    model: Path | None = None
 
     def __post_init__(self) -> None:
         if not self.joints or len(self.joints) != len(self.links):

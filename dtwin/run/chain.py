@@ -72,6 +72,7 @@ class ChainRun:
         stop: the safe stop in force at the end, 0 if none.
         seconds: wall time, s.
         boxes: what happened to the boxes; None without any.
+        places: numbers of the places, from 1, of the box that waits and of the one that is held, (N, 2); 0 for none.
     """
 
     settings: ChainSettings
@@ -84,6 +85,7 @@ class ChainRun:
     stop: int
     seconds: float
     boxes: Counts | None = None
+    places: Array = field(default_factory=lambda: np.zeros((0, 2)))
 
     @property
     def error(self) -> Array:
@@ -278,7 +280,7 @@ def run(settings: ChainSettings, between: Callable[[int], bool] | None = None) -
     plant = ChainPlant(settings.machine, start, settings.seed, settings.late)
     ticks = max(1, round(settings.duration / arm.period))
     rows = np.zeros((4, ticks, len(arm)))
-    poses = np.zeros(ticks)
+    poses, places = np.zeros(ticks), np.zeros((ticks, 2))
     boxes = None if settings.sorting is None else Boxes(settings.sorting, settings.seed)
     done = 0
     while done < ticks and not controller.done and (between is None or between(done)):
@@ -290,6 +292,7 @@ def run(settings: ChainSettings, between: Callable[[int], bool] | None = None) -
         if boxes is not None:
             boxes.grip(controller.grips, plant.tool, plant.time)
             plant.hold(boxes.held)
+            places[done] = boxes.places
         plant.apply(command)
         plant.advance()
         done += 1
@@ -297,4 +300,5 @@ def run(settings: ChainSettings, between: Callable[[int], bool] | None = None) -
     t: Array = np.arange(done, dtype=np.float64) * arm.period
     seconds = time.perf_counter() - began
     q, target, commands, true = (np.array(row[:done], dtype=np.float64) for row in rows)
-    return ChainRun(settings, t, q, target, commands, true, poses[:done], controller.stop, seconds, counts)
+    stop = controller.stop
+    return ChainRun(settings, t, q, target, commands, true, poses[:done], stop, seconds, counts, places[:done])

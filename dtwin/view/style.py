@@ -20,3 +20,10 @@ MARKS: Final[Mapping[str, RGB]] = {"fault": (235, 50, 45), "finding": (240, 100,
 """of the moments that are worth a look"""
 GHOST: Final[RGB] = (60, 120, 220)
 PLAN: Final[RGB] = (40, 90, 200)
+_FURTHER: Final[tuple[RGB, ...]] = ((0, 158, 115), (213, 94, 0), (204, 121, 167), (0, 114, 178), (160, 130, 60))
+
+
+def joint_colour(number: int) -> RGB:
+    """Colour of a joint, or of a kind of box, counted from 0; they repeat after eight."""
+    colours = (*JOINTS, *_FURTHER)
+    return colours[number % len(colours)]

@@ -16,18 +16,21 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 from dtwin.arm.chain import Arm
 from dtwin.arm.poses import Poses, drawn_poses, read_poses
 from dtwin.arm.sorting import read_sorting
+from dtwin.commands.hints import viewer_command
 from dtwin.controller.chain.application import Control
 from dtwin.emulation.chain.arms import arm_of
 from dtwin.emulation.chain.machine import IDEAL, machine_of
 from dtwin.emulation.generators import check_seed
 from dtwin.errors import ParameterError
-from dtwin.files import LOG, ensure_writable
+from dtwin.files import LOG, RECORDING, ensure_writable
 from dtwin.run.chain import ChainRun, ChainSettings, run, sorting_poses
 from dtwin.terminal import print_json, printable
 
 THESIS: Final = "thesis"
 """The arm of a run without --arm."""
-KNOWN: Final = frozenset({"arm", "poses", "sort", "late", "machine", "seed", "duration", "log", "json", "runtime"})
+KNOWN: Final = frozenset(
+    {"arm", "poses", "sort", "late", "machine", "seed", "duration", "log", "record", "json", "runtime"}
+)
 """Options of `dtwin run` that mean something for any arm."""
 LONGEST: Final = 86_400.0
 """Longest run, s: all its ticks are kept in memory."""
@@ -74,8 +77,9 @@ def run_arm(options: Any, interruption: Callable[[], AbstractContextManager[Any]
         raise ParameterError(f"--late: expected 0 to 10 ticks, got {options.late}")
     if not 0.0 < options.duration <= LONGEST:
         raise ParameterError(f"--duration: expected above 0 and at most {LONGEST:g} s, got {options.duration:g}")
-    if options.log is not None:
-        ensure_writable(options.log, LOG)
+    for path, ending in ((options.log, LOG), (options.record, RECORDING)):
+        if path is not None:
+            ensure_writable(path, ending)
     arm = arm_of(options.arm)
     if options.sort is not None and options.poses is not None:
         raise ParameterError("--sort and --poses: expected one of them")
@@ -99,10 +103,14 @@ def run_arm(options: Any, interruption: Callable[[], AbstractContextManager[Any]
         result = run(settings, between)
     if options.log is not None:
         result.save(options.log)
+    if options.record is not None:
+        from dtwin.view.chain.recording import write_chain_recording  # Rerun takes a while to load
+
+        write_chain_recording(result, options.record)
     if options.json:
         print_json(result.score())
     else:
-        _print(result, options.log)
+        _print(result, options.log, options.record)
     return 130 if asked.requested else 0
 
 
@@ -113,7 +121,7 @@ def _progress(options: Any) -> Progress:
     return progress
 
 
-def _print(result: ChainRun, log: Path | None) -> None:
+def _print(result: ChainRun, log: Path | None, record: Path | None) -> None:
     score = result.score()
     unit = {True: "rad", False: "m"}
     units = [unit[joint.turns] for joint in result.settings.arm.joints]
@@ -144,5 +152,7 @@ def _print(result: ChainRun, log: Path | None) -> None:
         lines["stop"] = f"safe stop {score['stop']} is in force: a joint left its path"
     if log is not None:
         lines["log"] = str(log)
+    if record is not None:
+        lines["recording"] = f"{record}: look at it with `{viewer_command(record)}`"
     for name, text in lines.items():
         print(printable(f"{name:<16}  {text}"))

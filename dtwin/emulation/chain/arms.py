@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from dtwin.arm.chain import Arm
@@ -36,7 +37,7 @@ def chain_of(model: Path, tip: str | None = None) -> Arm:
     """
     suffix = model.suffix.lower()
     if suffix == ".urdf":
-        return read_urdf(model, tip=tip)
+        return replace(read_urdf(model, tip=tip), model=model)
     if suffix not in MODELS:
         raise ModelError(f"{model}: expected a model that ends in {choices(MODELS)}")
-    return read_mjcf(model, tip)
+    return replace(read_mjcf(model, tip), model=model)

@@ -66,6 +66,11 @@ class Boxes:
             self.counts.arrived += 1
         return self._kind if self._waits else 0
 
+    @property
+    def places(self) -> tuple[int, int]:
+        """Numbers of the places, from 1, of the box that waits and of the one that is held; 0 for none."""
+        return self._kind * self._waits, self._kind * bool(self.held)
+
     def grip(self, closed: bool, tool: Array, time: float) -> None:
         """What the gripper does with the tool at a point, (3,), m, at a time, s."""
         if closed and not self._closed:

@@ -26,6 +26,14 @@ def build(arm: Arm, step: float) -> mujoco.MjModel:
     Raises:
         ModelError: a body cannot be, such as one whose inertia breaks the triangle inequality.
     """
+    try:
+        return chain_spec(arm, step).compile()
+    except ValueError as error:
+        raise ModelError(f"arm {arm.name}: {' '.join(str(error).split())}") from None
+
+
+def chain_spec(arm: Arm, step: float) -> mujoco.MjSpec:
+    """The model of `build` before it is compiled."""
     spec = mujoco.MjSpec()
     spec.modelname = arm.name
     spec.option.timestep = step
@@ -49,10 +57,7 @@ def build(arm: Arm, step: float) -> mujoco.MjModel:
     load.explicitinertial = True
     load.mass, load.inertia = _NOTHING, [_NOTHING] * 3
     load.ipos, load.iquat = [0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]  # MuJoCo would take those of the body's frame
-    try:
-        return spec.compile()
-    except ValueError as error:
-        raise ModelError(f"arm {arm.name}: {' '.join(str(error).split())}") from None
+    return spec
 
 
 def _quaternion(rotation: Array) -> Array:
