@@ -71,11 +71,12 @@ class _Distribution:
         self._hosts = {device.name: _host(device) for device in system.devices}
         self._places = places_of(system)
         self._links: dict[tuple[str, str], _Link] = {}
+        self._told: dict[tuple[str, str], dict[str, DataType]] = {}
         self._said: list[str] = []
         self._ports = 0
 
     def build(self) -> model.System:
-        applications = tuple(self._application(application) for application in self._system.applications)
+        applications = tuple(self._typed(self._application(each)) for each in self._system.applications)
         order = list(self._resources)
         for link in sorted(self._links.values(), key=lambda link: order.index(link.receiver)):
             self._insert(link)
@@ -182,8 +183,31 @@ class _Distribution:
         carriers = [f"{block}.{event.name}" for event in interface.event_outputs if name in event.with_variables]
         link.carriers[connection.source] = carriers
         kind_of = next((v.type for v in interface.outputs if v.name == name), None)
-        if kind_of is not None and not isinstance(kind_of, model.GenericType):
+        if kind_of is None or isinstance(kind_of, model.GenericType):
+            kind_of = self._wanted(application.network, connection, places)
+            if kind_of is not None:
+                self._told.setdefault((application.name, block), {})[name] = kind_of
+        if kind_of is not None:
             link.types[connection.source] = kind_of
+
+    def _wanted(
+        self, network: model.FBNetwork, connection: model.Connection, places: dict[str, str]
+    ) -> DataType | None:
+        """The type of the input at the end of a connection, which its generic source has to have."""
+        block = _block(connection.destination, places)
+        name = connection.destination.removeprefix(f"{block}.")
+        inputs = self._interface(network, block, connection.line).inputs
+        found = next((v.type for v in inputs if v.name == name), None)
+        return None if isinstance(found, model.GenericType) else found
+
+    def _typed(self, application: model.ApplicationDeclaration) -> model.ApplicationDeclaration:
+        """The application whose generic blocks know the types that only inputs in other resources tell."""
+        network = application.network
+        blocks = tuple(
+            replace(block, types=(*block.types, *self._told.get((application.name, block.name), {}).items()))
+            for block in network.blocks
+        )
+        return replace(application, network=replace(network, blocks=blocks))
 
     def _insert(self, link: _Link) -> None:
         data = list(link.data)

@@ -24,7 +24,7 @@ FILES = {"xml": ("mine.urdf",), "toml": ("mine.toml", "poses.toml", "sort.toml")
 def walked(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     """The folder in which all blocks of the page were carried out in order, and what was printed."""
     folder = tmp_path_factory.mktemp("arms")
-    for name in ("six-axis", "blocks"):
+    for name in ("six-axis", "blocks", "joints"):
         (folder / name).mkdir()
     waiting = {language: list(names) for language, names in FILES.items()}
     printed = io.StringIO()

@@ -11,6 +11,7 @@ from iec61499.library import Library
 from iec61499.mapping import resource_network
 from iec61499.runtime.communication import LocalTransport
 from iec61499.runtime.resource import Resource
+from iec61499.types import UINT
 
 SYSTEM = """<System Name="two"><Application Name="App"><SubAppNetwork>
 <FB Name="CYC" Type="E_CYCLE"><Parameter Name="DT" Value="T#100ms"/></FB>
@@ -140,3 +141,26 @@ def test_a_mapping_to_nothing_is_named(tmp_path: Path) -> None:
     path.write_text(SYSTEM.replace("NETWORK", "").replace('To="A.RES.CTU"', 'To="C.RES.CTU"'))
     with pytest.raises(FunctionBlockError, match=r"mapping to unknown resource 'C\.RES\.CTU': expected A\.RES or B"):
         Library([tmp_path]).load_system(path)
+
+
+@pytest.mark.parametrize("acknowledged", [False, True])
+def test_a_generic_output_has_the_type_of_the_input_that_another_resource_gives_it(
+    tmp_path: Path, acknowledged: bool
+) -> None:
+    text = """<System Name="two"><Application Name="App"><SubAppNetwork>
+<FB Name="SERVED" Type="SERVER_1_2"><Parameter Name="QI" Value="TRUE"/>
+<Parameter Name="ID" Value="'127.0.0.1:61500'"/></FB><FB Name="CTU" Type="E_CTU"/>
+<EventConnections><Connection Source="SERVED.IND" Destination="CTU.CU"/>
+<Connection Source="CTU.CUO" Destination="SERVED.RSP"/></EventConnections>
+<DataConnections><Connection Source="SERVED.RD_2" Destination="CTU.PV"/>
+<Connection Source="CTU.CV" Destination="SERVED.SD_1"/></DataConnections></SubAppNetwork></Application>
+<Device Name="A" Type="FORTE_PC"><Parameter Name="MGR_ID" Value="127.0.0.1:1"/>
+<Resource Name="RES" Type="EMB_RES"><FBNetwork/></Resource></Device>
+<Device Name="B" Type="FORTE_PC"><Parameter Name="MGR_ID" Value="127.0.0.1:2"/>
+<Resource Name="RES" Type="EMB_RES"><FBNetwork/></Resource></Device>
+<Mapping From="App.SERVED" To="A.RES"/><Mapping From="App.CTU" To="B.RES"/></System>"""
+    path = tmp_path / "two.sys"
+    path.write_text(text)
+    system = Library([tmp_path]).load_system(path, acknowledged)
+    served = next(block for block in system.applications[0].network.blocks if block.name == "SERVED")
+    assert served.types == (("RD_2", UINT),)

@@ -9,7 +9,7 @@ from typing import Annotated, Final
 import tyro
 
 from dtwin.arm.poses import read_poses
-from dtwin.controller.chain.application import LIBRARY, Control, inputs, network, system
+from dtwin.controller.chain.application import LIBRARY, Control, Devices, inputs, network, system
 from dtwin.emulation.chain.arms import arm_of
 from dtwin.equations.rigid import usual_inertia
 from dtwin.errors import ParameterError
@@ -37,6 +37,8 @@ class FbMake:
     """System file (.sys) to write."""
     poses: Path | None = None
     """TOML file of the poses that the arm takes (docs/arms.md); without it the arm stays where it is."""
+    devices: Devices = "one"
+    """One device for all blocks; or one for every joint, and a first one that leads them (docs/devices.md)."""
     late: bool = False
     """Reckon with commands that act one sample late, as between services and over networks."""
 
@@ -51,8 +53,11 @@ class FbMake:
             with replacing(path) as temporary:
                 temporary.write_bytes(content)
         with replacing(self.out, ".sys") as temporary:
-            temporary.write_text(system_text(system(self.out.stem, network(len(arm)), values)))
-        print(printable(f"{self.out}: {len(arm)} joints of {arm.name}, {len(types)} block types beside it"))
+            temporary.write_text(
+                system_text(system(self.out.stem, network(len(arm), self.devices), values, self.devices))
+            )
+        count = f"{len(arm) + 1} devices, " if self.devices == "joints" else ""
+        print(printable(f"{self.out}: {len(arm)} joints of {arm.name}, {count}{len(types)} block types beside it"))
         return 0
 
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
 
@@ -50,6 +50,11 @@ _OUTWARD: Final = tuple(f"{what}{x}" for what in "WOA" for x in _XYZ)
 _INWARD: Final = tuple(f"{what}{x}" for what in "FN" for x in _XYZ)
 _WIDE: Final = 1.0e9
 """Stands for a limit that is not there."""
+JOINT: Final = "CHAIN_JOINT"
+"""Type of the block of a joint."""
+Devices = Literal["one", "joints"]
+_FURTHER: Final = 61_600
+"""Port of the management of the first further device, less 1."""
 _COLUMN: Final = 3000.0
 """From one drawn block to the next, in the units of 4diac IDE."""
 
@@ -89,9 +94,14 @@ def messages(joints: int) -> tuple[Signature, Signature]:
     return Signature([*[LREAL] * joints, DINT]), Signature([*[LREAL] * joints, BOOL])
 
 
-def network(joints: int) -> model.FBNetwork:
-    """The network of an arm with that many joints, without values; ports are those of the library."""
+def network(joints: int, devices: Devices = "one") -> model.FBNetwork:
+    """The network of an arm with that many joints, without values; ports are those of the library.
+
+    Where every joint has a device of its own, what comes to it from SEQUENCE and from the joint before takes two
+    ways, of which either may be the longer one. A block E_REND then waits for both, and others for all commands.
+    """
     names = [joint_name(k) for k in range(joints)]
+    meetings = list(_meetings(names)) if devices == "joints" else []
     blocks = [
         _server(
             ARM,
@@ -103,14 +113,62 @@ def network(joints: int) -> model.FBNetwork:
         ),
         model.Block(SEQUENCE, "POSE_SEQUENCE", x=_COLUMN, y=200.0, comment="Which pose comes next, and when"),
         *(
-            model.Block(name, "CHAIN_JOINT", x=_COLUMN * (k + 2), y=200.0, comment=f"Joint {k + 1} and its link")
+            model.Block(name, JOINT, x=_COLUMN * (k + 2), y=200.0, comment=f"Joint {k + 1} and its link")
             for k, name in enumerate(names)
         ),
         model.Block(SWITCH, "E_SWITCH", x=0.0, y=3000.0, comment="Whether the arm moves or stands under supervision"),
         model.Block(STOP, "SAFE_STOP", x=1500.0, y=3000.0, comment="Stops the arm when it leaves its path"),
         _server(VERDICT, "SERVER_1_3", VERDICT_PORT, "Verdicts of a monitor, and releases", 0.0, 4500.0),
+        *(meeting.block for meeting in meetings),
     ]
-    return model.FBNetwork(tuple(blocks), (), tuple(_events(names)), tuple(_data(names)))
+    events = list(_events(names))
+    for meeting in meetings:
+        events = meeting.joined(events)
+    return model.FBNetwork(tuple(blocks), (), tuple(events), tuple(_data(names)))
+
+
+@dataclass(frozen=True, slots=True)
+class _Meeting:
+    """A block E_REND before an event input, which then waits for a further event.
+
+    Attributes:
+        block: the block.
+        source: the further event.
+        destinations: the inputs.
+        anew: an event that begins anew; "" for none.
+    """
+
+    block: model.Block
+    source: str
+    destinations: tuple[str, ...]
+    anew: str = ""
+
+    def joined(self, events: list[model.Connection]) -> list[model.Connection]:
+        """The connections with this block in between."""
+        name = self.block.name
+        before = {each.source for each in events if each.destination in self.destinations}
+        kept = [each for each in events if each.destination not in self.destinations]
+        reset = [model.Connection(self.anew, f"{name}.R")] if self.anew else []
+        return [
+            *reset,  # first, so that nothing of the same event is forgotten
+            *kept,
+            *(model.Connection(source, f"{name}.EI1") for source in sorted(before)),
+            model.Connection(self.source, f"{name}.EI2"),
+            *(model.Connection(f"{name}.EO", destination) for destination in self.destinations),
+        ]
+
+
+def _meetings(names: list[str]) -> Iterator[_Meeting]:
+    def block(name: str, comment: str, column: int, row: float) -> model.Block:
+        return model.Block(name, "E_REND", x=_COLUMN * column, y=row, comment=comment)
+
+    for k, name in enumerate(names[1:], start=1):
+        for what, event, row in (("TARGET", "TARGET", -900.0), ("OUTWARD", "CNF", -500.0)):
+            comment = f"{what} of the joint before, and what {SEQUENCE} says"
+            yield _Meeting(block(f"{what}_{k + 1}", comment, k + 2, row), f"{SEQUENCE}.{event}", (f"{name}.{what}",))
+        comment = f"Commands of the joints up to {k + 1}"
+        gathered = block(f"GATHER_{k + 1}", comment, k + 2, 4500.0)
+        yield _Meeting(gathered, f"{name}.INWARDO", (f"{ARM}.RSP", f"{SWITCH}.EI"), f"{ARM}.IND")
 
 
 def _server(name: str, kind: str, port: int, comment: str, x: float, y: float) -> model.Block:
@@ -175,13 +233,14 @@ def _data(names: list[str]) -> Iterator[model.Connection]:
         yield model.Connection(source, destination)
 
 
-def system(name: str, drawn: model.FBNetwork, values: Mapping[str, Any]) -> model.System:
-    """The system of one device on whose resource the whole application runs.
+def system(name: str, drawn: model.FBNetwork, values: Mapping[str, Any], devices: Devices = "one") -> model.System:
+    """The system: the application, and the devices that its blocks are mapped to.
 
     Args:
         name: name of the system.
         drawn: blocks and connections.
         values: values of inputs, by `BLOCK.INPUT`.
+        devices: one device for all blocks; or one for every joint, and a first one for what leads the joints.
     """
     given = {block.name: {each.name: each for each in block.parameters} for block in drawn.blocks}
     for port, value in values.items():
@@ -189,18 +248,33 @@ def system(name: str, drawn: model.FBNetwork, values: Mapping[str, Any]) -> mode
         given[block_name][port_name] = model.Parameter(port_name, literal_of(value))
     blocks = tuple(replace(block, parameters=tuple(given[block.name].values())) for block in drawn.blocks)
     comment = f"Control of the arm {name}"
-    starts = tuple(model.Connection(f"START.{start}", f"{ARM}.INIT") for start in ("COLD", "WARM"))
-    resource = model.ResourceDeclaration(
-        _RESOURCE, "EMB_RES", model.FBNetwork((), (), starts), comment="Resource of the application"
-    )
-    manager = model.Parameter("MGR_ID", '"localhost:61499"')
-    device = model.DeviceDeclaration(_DEVICE, "FORTE_PC", (resource,), (manager,), "Runtime of the controller")
+    joints = [block.name for block in blocks if block.type_name == JOINT] if devices == "joints" else []
     return model.System(
         model.TypeHeader(name, comment=comment, standard="61499-2", versions=(_VERSION,)),
         (model.ApplicationDeclaration(APPLICATION, replace(drawn, blocks=blocks), comment),),
-        (device,),
-        tuple(model.Mapping(f"{APPLICATION}.{b.name}", f"{_DEVICE}.{_RESOURCE}.{b.name}") for b in blocks),
+        (_device(_DEVICE, 0, "Runtime of the controller"), *(_device(f"{n}_PC", k) for k, n in enumerate(joints, 1))),
+        tuple(
+            model.Mapping(f"{APPLICATION}.{b.name}", f"{_home(b.name, joints)}.{_RESOURCE}.{b.name}") for b in blocks
+        ),
     )
+
+
+def _home(block: str, joints: list[str]) -> str:
+    """The device of a block: that of its joint, if that has one of its own."""
+    kind, _, number = block.rpartition("_")
+    owner = f"JOINT_{number}" if kind in ("TARGET", "OUTWARD", "JOINT") else block
+    return f"{owner}_PC" if owner in joints else _DEVICE
+
+
+def _device(name: str, number: int, comment: str = "Runtime of one joint") -> model.DeviceDeclaration:
+    """A device at an address of its own; the first one starts the application."""
+    starts = tuple(model.Connection(f"START.{start}", f"{ARM}.INIT") for start in ("COLD", "WARM") if not number)
+    resource = model.ResourceDeclaration(
+        _RESOURCE, "EMB_RES", model.FBNetwork((), (), starts), comment="Resource of the application"
+    )
+    host, port = ("127.0.0.1", _FURTHER + number) if number else ("localhost", 61499)
+    manager = model.Parameter("MGR_ID", f'"{host}:{port}"')
+    return model.DeviceDeclaration(name, "FORTE_PC", (resource,), (manager,), comment)
 
 
 def inputs(arm: Arm, inertia: Array, control: Control, poses: Poses | None) -> dict[str, Any]:
