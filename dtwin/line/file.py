@@ -123,7 +123,9 @@ def load(path: Path) -> Line:
     except msgspec.ValidationError as error:
         text, _, key = str(error).partition(" - at `$")
         where = f"{key.strip('.`').replace('[...]', '.*')}: " if key else ""
-        raise ModelError(f"{path}: {where}{text[:1].lower()}{text[1:].replace('`', '')}{_hint(text)}") from None
+        raise ModelError(
+            f"{path}: {where}{text[:1].lower()}{text[1:].replace('`', '')}{_hint(text, where)}"
+        ) from None
     except (msgspec.MsgspecError, ValueError) as error:
         raise ModelError(f"{path}: expected a line: {error}") from None
     try:
@@ -133,12 +135,14 @@ def load(path: Path) -> Line:
         raise kind(f"{path}: {error}") from None
 
 
-def _hint(text: str) -> str:
-    """The keys that may be where one is unknown."""
+def _hint(text: str, where: str) -> str:
+    """The keys that may be where one is unknown, at a place in the file."""
     if "unknown field" not in text:
         return ""
-    keys = {key for kind in (_File, _Zone, _Station, _Vehicle, _Source, _Buffer) for key in kind.__struct_fields__}
-    return f": expected {choices(sorted(keys))}"
+    kinds = {"stations": _Station, "vehicles": _Vehicle, "zones": _Zone, "operations": _Operation}
+    kinds |= {"source": _Source, "sink": _Sink, "buffers": _Buffer}
+    kind = next((kind for name, kind in kinds.items() if name in where), _File)
+    return f": expected {choices(kind.__struct_fields__)}"
 
 
 def _line(path: Path, found: _File) -> Line:

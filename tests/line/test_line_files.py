@@ -28,7 +28,8 @@ def test_the_system_file_is_that_of_the_usual_line() -> None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ('node = "source" ', 'nod = "source" ', "source: object contains unknown field nod: expected"),
+        ('node = "source" ', 'nod = "source" ', "source: object contains unknown field nod: expected node, every"),
+        ("seed = 0\n", "seeds = 0\n", "unknown field seeds: expected operations, source, sink, zones"),
         ("every = 24.0", "every = -1", "source.every: expected float > 0.0"),
         ('deburr = "a1"', 'deburr = "b1"', "assignment.deburr: expected a1 or a2, got 'b1'"),
         ('test = "b1"', 'test = "a1"', None),
