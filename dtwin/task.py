@@ -16,6 +16,8 @@ from dtwin.parameters import PICKUP, PLACES, Place
 RGB = tuple[int, int, int]
 PICKUP_NAME: Final = "pickup"
 MOST_PLACES: Final = 6
+REACH: Final = 0.020
+"""Largest distance between the tip and the pickup point or a place at which a box is gripped or delivered, m."""
 """Number of places that the block PICK_AND_PLACE can be given."""
 _COLOUR: Final = re.compile(r"[a-z][a-z0-9_]{0,23}")
 _TAKEN: Final = (PICKUP_NAME, "home", "hanging", "here")

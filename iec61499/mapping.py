@@ -303,7 +303,9 @@ def wrong_mappings(system: System) -> dict[Mapped, FunctionBlockError]:
     }
     resources = [f"{d.name}.{r.name}" for d in system.devices for r in d.resources]
     wrong: dict[Mapped, FunctionBlockError] = {}
+    first: dict[str, Mapped] = {}
     for mapping in system.mappings:
+        before = first.setdefault(mapping.source, mapping)
         problem = ""
         if mapping.source not in elements:
             valid = choices(sorted(elements)) if elements else "a block of an application, and there is none"
@@ -311,6 +313,11 @@ def wrong_mappings(system: System) -> dict[Mapped, FunctionBlockError]:
         elif _destination(mapping)[0] not in resources:
             valid = choices(resources) if resources else "a resource of a device, and there is none"
             problem = f"mapping to unknown resource {mapping.destination!r}: expected {valid}"
+        elif _destination(before)[0] != _destination(mapping)[0]:
+            place, line = _destination(before)[0], before.line
+            problem = (
+                f"{mapping.source} is mapped to {place} already, in line {line}: expected one resource for a block"
+            )
         if problem:
             wrong[mapping] = FunctionBlockError(problem, system.header.file, mapping.line)
     return wrong

@@ -94,7 +94,7 @@ class Options(PlantOptions, Link):
             cell, trouble = revive(settings, self.journal)
         with Service(NAME, self) as service:
             emulator = Emulator(service, cell, self.pace, self.stale, trouble, self.recorded)
-            whole = emulator.run(ticks, out_of_place(settings.task, settings.arm))
+            whole = emulator.run(ticks, out_of_place(settings.task, settings.machine.arm(settings.arm)))
         return 0 if whole else ASKED_TO_END
 
 
@@ -166,7 +166,7 @@ class Emulator:
         )
 
     def run(self, ticks: int | None, missed: Sequence[str] = ()) -> bool:
-        """Tells which places the arm misses, then runs until the ticks are done or it shall end; whether they are."""
+        """Tells where no work will be done, then runs until the ticks are done or it shall end; whether they are."""
         service = self._service
         service.ready()
         for text in missed:

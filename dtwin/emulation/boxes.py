@@ -14,10 +14,8 @@ from dtwin.emulation.generators import generator_state, set_generator_state
 from dtwin.errors import ParameterError
 from dtwin.parameters import Colour, GripperParameters, Place
 from dtwin.signals import BoxCounts, Event, EventKind
-from dtwin.task import Task
+from dtwin.task import REACH, Task
 
-REACH: Final = 0.020
-"""Largest distance between the tip and the pickup point or a place at which a box is gripped or delivered, m."""
 GRIP_TOLERANCE: Final = 0.05
 """Largest angle between the gripper and its closed stop at which it grips a box, rad."""
 

@@ -1,22 +1,23 @@
-"""Places at which an arm does no work, because its links are not as long as those of the arm that was taught them."""
+"""Places at which an arm does no work: its links do not lead there, or its drives do not hold a box there."""
 
 from __future__ import annotations
 
 import math
 
-from dtwin.emulation.boxes import REACH
-from dtwin.parameters import ArmParameters
-from dtwin.task import Task
+from dtwin.parameters import VOLTAGE_LIMIT, ArmParameters
+from dtwin.run.cell_file import holding
+from dtwin.task import REACH, Task
 from dtwin.twin.kinematics import forward
 
 
 def out_of_place(task: Task, arm: ArmParameters) -> list[str]:
-    """The places that the tip misses by more than boxes allow, one sentence each.
+    """The places that the arm cannot reach, or not with the heaviest box, one sentence each.
 
-    The sequence leads the joints to the angles of each place; where the tip comes to then is for the links to say.
+    The sequence leads the joints to the angles of each place. Where the tip comes to then is for the links to say,
+    and whether the joints stay there for the drives.
 
     Args:
-        task: places with their angles.
+        task: places with their angles, and boxes.
         arm: arm that is led there.
     """
     missed = []
@@ -27,5 +28,13 @@ def out_of_place(task: Task, arm: ArmParameters) -> list[str]:
             missed.append(
                 f"{name}: the tip of this arm misses the place by {1000 * distance:.0f} mm, expected at most"
                 f" {1000 * REACH:.0f} mm: its angles belong to links of other lengths"
+            )
+            continue
+        load = task.boxes.heaviest
+        volts, joint = max((abs(needed), j) for j, needed in enumerate(holding(place.theta, arm, load), 1))
+        if volts > VOLTAGE_LIMIT:
+            missed.append(
+                f"{name}: joint {joint} of this arm would need {volts:.1f} V to hold {load:g} kg there, expected at"
+                f" most {VOLTAGE_LIMIT:g} V"
             )
     return missed

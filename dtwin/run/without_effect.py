@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from dtwin.controller.settings import Compensation
 from dtwin.emulation.faults import Fault
-from dtwin.logs.log import Log
 from dtwin.parameters import PERIOD
 from dtwin.run.out_of_place import out_of_place
 from dtwin.run.settings import CellSettings
+
+if TYPE_CHECKING:
+    from dtwin.logs.log import Log
 
 _OF_BOXES: Final = ("payload", "pads", "slip")
 """Targets of faults that act on a held box alone."""
@@ -23,16 +26,26 @@ def without_effect(settings: CellSettings, log: Log) -> list[str]:
         settings: settings of the run.
         log: its log.
     """
-    return [*out_of_place(settings.task, settings.arm), *_faults(settings, log), *_options(settings)]
-
-
-def _faults(settings: CellSettings, log: Log) -> Iterator[str]:
     end = len(log) * PERIOD
+    missed = out_of_place(settings.task, settings.machine.arm(settings.arm))
+    return [*missed, *of_no_use(settings, end), *_unheld(settings, log)]
+
+
+def of_no_use(settings: CellSettings, end: float = math.inf) -> list[str]:
+    """What will have no effect whatever happens in a run, one sentence each.
+
+    Args:
+        settings: settings of the run.
+        end: plant time at which it ends, s.
+    """
+    late = [f"fault {fault}: the run ends before it, at {end:g} s" for fault in settings.faults if fault.start >= end]
+    return [*late, *_options(settings)]
+
+
+def _unheld(settings: CellSettings, log: Log) -> Iterator[str]:
     held = log.held()
     for fault in settings.faults:
-        if fault.start >= end:
-            yield f"fault {fault}: the run ended before it, at {end:g} s"
-        elif fault.target in _OF_BOXES and not held[_rows(fault, len(log))].any():
+        if fault.target in _OF_BOXES and fault.start < len(log) * PERIOD and not held[_rows(fault, len(log))].any():
             yield f"fault {fault}: no box was held then"
 
 

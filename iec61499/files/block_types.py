@@ -194,6 +194,11 @@ def _read_transition(
         if element.require(end) not in names:
             raise element.error(f"transition from or to unknown state {element.get(end)}: expected {choices(names)}")
     event, guard = split_condition(element.require("Condition"), [e.name for e in interface.event_inputs])
+    if event and re.match(r"(X?OR|AND NOT)\b|[|,]", guard, re.IGNORECASE):
+        raise element.error(
+            f"condition {element.get('Condition')!r}: expected one event and a guard, as in {event}[X > 0]; another"
+            " event has a transition of its own"
+        )
     return model.ECTransition(
         element.get("Source"),
         element.get("Destination"),

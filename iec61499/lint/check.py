@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final, Literal
 
 from iec61499 import model
-from iec61499.errors import FunctionBlockError
+from iec61499.errors import FunctionBlockError, ToolError, choices
 from iec61499.files.block_types import read_type
 from iec61499.files.project import project_of
 from iec61499.files.systems import read_system
@@ -24,13 +24,21 @@ Target = Literal["embedded", "forte"]
 
 
 def files_of(paths: Iterable[Path], settings: Settings | None = None) -> list[Path]:
-    """The files that can be checked: those given, and those in the folders given that settings do not exclude."""
+    """The files that can be checked: those given, and those in the folders given that settings do not exclude.
+
+    Raises:
+        ToolError: a path is none, or a folder holds nothing to check, as one does that was written wrong.
+    """
     found: list[Path] = []
     for path in paths:
+        if not path.exists():
+            raise ToolError(f"{path}: there is no such file or folder")
         if not path.is_dir():
             found.append(path)
             continue
         inside = sorted(file for file in path.rglob("*") if file.suffix.lower() in SUFFIXES and file.is_file())
+        if not inside:
+            raise ToolError(f"{path}: expected a folder with files that end in {choices(sorted(SUFFIXES))}")
         excluded = settings.exclude if settings is not None else ()
         found += [f for f in inside if not any(fnmatch(str(f.relative_to(path)), pattern) for pattern in excluded)]
     return found

@@ -337,6 +337,8 @@ class ExpressionChecker:
             hint = f"{first}_TO_{second} or {second}_TO_{first}"
             possible = [f for f in hint.split(" or ") if conversion(f)]
             advice = f"; convert with {choices(possible)}" if possible else ""
+            if name in COMPARISONS and first == BOOL:
+                advice = "; two comparisons are joined by AND"
             fail(at, f"{name} cannot combine {first} and {second}: expected operands of one type{advice}")
         return common
 
@@ -385,8 +387,10 @@ class ExpressionChecker:
         return value.type
 
     def _demand(self, value: typed.Expression, group: str, name: str) -> None:
-        if self._elementary(value).kind not in GROUPS[group]:
-            fail(value.at, f"{name} expects {group}, got {value.type}")
+        kind = self._elementary(value).kind
+        if kind not in GROUPS[group]:
+            advice = "; texts are joined by CONCAT" if name == "+" and kind == "string" else ""
+            fail(value.at, f"{name} expects {group}, got {value.type}{advice}")
 
     def _count(
         self, at: ast.Position, name: str, arguments: Sequence[object], minimum: int, maximum: int | None

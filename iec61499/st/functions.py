@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from difflib import get_close_matches
 from typing import Final
 
 from iec61499.errors import choices
@@ -177,9 +178,8 @@ def instead_of(name: str) -> str:
         return f"TIME_IN_S_TO_{target}, or of MS, US or NS"
     if source is not None and target is not None and source.is_number and target.kind == "time":
         return "a product with a unit, such as T#1ms * N"
-    return choices(
-        sorted({*FUNCTIONS, *OPERATOR_FUNCTIONS, CLOCK} | {"TO_Y", "X_TO_Y", "X_TRUNC_Y", "TIME_IN_S_TO_Y"})
-    )
+    known = sorted({*FUNCTIONS, *OPERATOR_FUNCTIONS, CLOCK} | {"TO_Y", "X_TO_Y", "X_TRUNC_Y", "TIME_IN_S_TO_Y"})
+    return choices(get_close_matches(name, known, cutoff=0.7) or known)
 
 
 def _convertible(source: ElementaryType, target: ElementaryType) -> bool:

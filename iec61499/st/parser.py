@@ -119,9 +119,14 @@ _SLIPS: Final = {
     "++": "X := X + 1",
     "--": "X := X - 1",
     "!": "NOT",
+    "^": "** or EXPT",
+    "%": "MOD",
+    "?": "SEL(B, X, Y) or IF",
+    "\N{DEGREE SIGN}": "an angle in radians",
+    "\N{SUPERSCRIPT TWO}": "** 2",
     "=": ":= to assign",
 }
-"""What is meant by signs of other languages."""
+"""What is meant by signs of other languages and of paper."""
 _ASSIGNED: Final = re.compile(r"(^|[;]|\b(THEN|ELSE|DO|REPEAT|OF))\s*[\w.\[\], ]+$", re.I)
 """A text that ends with what stands to the left of an assignment."""
 

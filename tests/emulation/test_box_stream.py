@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dtwin.emulation.boxes import REACH, Boxes
+from dtwin.emulation.boxes import Boxes
 from dtwin.parameters import PICKUP, PLACES, GripperParameters
 from dtwin.signals import BoxCounts
-from dtwin.task import DEFAULT_TASK
+from dtwin.task import DEFAULT_TASK, REACH
 
 GRIPPER = GripperParameters()
 AT_PICKUP = (PICKUP.x, PICKUP.y)

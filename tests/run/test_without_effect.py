@@ -8,6 +8,7 @@ import pytest
 
 from dtwin.controller.settings import Compensation, ControlSettings
 from dtwin.emulation.faults import parse_fault
+from dtwin.emulation.machine.sections import IDEAL
 from dtwin.parameters import ArmParameters
 from dtwin.run.cell import Cell
 from dtwin.run.out_of_place import out_of_place
@@ -23,7 +24,7 @@ EARLIER = ControlSettings(compensation=Compensation(delay=0.005))
     [
         ({}, []),
         ({"faults": ("D2*=1.5@0.5",)}, []),
-        ({"faults": ("K2*=0.5@90",)}, ["fault K2*=0.5@90: the run ended before it, at 1 s"]),
+        ({"faults": ("K2*=0.5@90",)}, ["fault K2*=0.5@90: the run ends before it, at 1 s"]),
         ({"faults": ("slip@0.5",)}, ["fault slip@0.5: no box was held then"]),
         ({"faults": ("payload*=2@0",)}, ["fault payload*=2@0: no box was held then"]),
         (
@@ -53,3 +54,17 @@ def test_places_that_the_arm_does_not_come_to_are_told_with_the_distance() -> No
     cell = Cell(CellSettings(duration=1.0, arm=longer))
     cell.run()
     assert cell.summary(cell.log.freeze()).without_effect == missed
+
+
+def test_places_at_which_the_drives_do_not_hold_the_heaviest_box_are_told() -> None:
+    weak = replace(ArmParameters(), voltage_constant=(0.24, 0.06, 0.16))
+    missed = out_of_place(DEFAULT_TASK, weak)
+    assert [text.partition(":")[0] for text in missed] == ["blue", "red", "green"]
+    assert missed[1] == "red: joint 2 of this arm would need 16.8 V to hold 0.21 kg there, expected at most 8 V"
+
+
+def test_the_arm_is_judged_as_it_was_made() -> None:
+    machine = replace(IDEAL, structure=replace(IDEAL.structure, length=(1.1, 1.1, 1.1)))
+    cell = Cell(CellSettings(duration=1.0, machine=machine))
+    cell.run()
+    assert "misses the place by 28 mm" in cell.summary(cell.log.freeze()).without_effect[0]

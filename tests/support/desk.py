@@ -4,12 +4,12 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from io import StringIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import msgspec
 import pytest
@@ -25,6 +25,7 @@ from dtwin.services import runfile
 from dtwin.signals import BoxCounts
 from tests.support.waiting import until
 
+T = TypeVar("T")
 BUSY: Final = "[boxes]\nfirst = 1.0\nevery = 2.0\n"
 """A cell in which a box waits as soon as the last one is away: what motions are waited for takes fewer ticks."""
 VERDICTS: Final = 40
@@ -80,6 +81,21 @@ class Desk:
                 return None
 
         return round(until(answer, "the emulator answers", 60.0).time / PERIOD)
+
+    def until_worked(self, condition: Callable[[], T | None], what: str, seconds: float) -> T:
+        """Waits until a condition is true and returns its value.
+
+        Args:
+            condition: called again and again until its value is true.
+            what: what is waited for, as the failure names it.
+            seconds: plant time after which the test fails, for which a busy machine takes longer, too.
+        """
+        last = self.tick() + round(seconds / PERIOD)
+
+        def look() -> None:
+            assert self.tick() <= last, f"not within {seconds} s of plant time: {what}"
+
+        return until(condition, what, 600.0, look)
 
     def until_watched(self) -> None:
         """Waits until the monitor has watched so much work that it knows the healthy arm, whenever it began to."""

@@ -14,7 +14,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 from dtwin.api.cell import finished
 from dtwin.api.run import RunError
 from dtwin.commands.cell.chain import THESIS, run_arm
-from dtwin.commands.hints import viewer_command
+from dtwin.commands.hints import viewer_command, warn_of_places
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.ports import BLOCKS
 from dtwin.controller.remote import RemoteController
@@ -76,6 +76,7 @@ class Run(PlantOptions, ControlOptions, RuntimeOption):
             if path is not None:
                 ensure_writable(path, ending)
         settings = self.settings()
+        warn_of_places(settings.task, settings.machine.arm(settings.arm))
         remote = self._remote(settings) if self.controller else None
         hidden = None if record is None or settings.machine.ideal else HiddenLog()
         cell = Cell(settings, remote, hidden)

@@ -17,6 +17,7 @@ from dtwin import __version__
 from dtwin.bus.messages import DECIDE, IDENTIFY
 from dtwin.bus.twin_messages import IdentificationDecision, IdentificationRequest, IdentificationState
 from dtwin.commands.frame import at_least
+from dtwin.commands.hints import warn_of_places
 from dtwin.commissioning.collection import collect
 from dtwin.commissioning.procedure import Commissioned, Progress, commission
 from dtwin.commissioning.stages import Stages
@@ -30,6 +31,7 @@ from dtwin.monitoring.calibration import LEAST
 from dtwin.names import check_name
 from dtwin.parameters import ArmParameters, load_arm
 from dtwin.services.runfile import join
+from dtwin.task import task_of
 from dtwin.terminal import as_text, print_json, print_table
 
 if TYPE_CHECKING:
@@ -90,6 +92,7 @@ class Commission:
 
             if self.log is not None:
                 log = read_log(self.log)
+                warn_of_places(task_of(log.metadata), arm)
                 kept = stages(str(self.log), _digest(self.log))
                 found = commission(kept, log, lambda: log, arm, str(self.log), status.update)
                 self._write(found, status.update)

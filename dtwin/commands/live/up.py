@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import subprocess
 import sys
 import time
@@ -11,8 +12,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from dtwin.bus.messages import ServiceSummary, Summary
+from dtwin.commands.hints import warn_of_places
 from dtwin.commands.live.status import news, table
 from dtwin.errors import CommunicationError
+from dtwin.run.without_effect import of_no_use
 from dtwin.services import runfile
 from dtwin.services.launch import CellOptions, launched
 from dtwin.services.parts.launched import LOOK
@@ -83,7 +86,7 @@ class UpCommand(CellOptions):
         if self.detach:
             return self._detach()
         with launched(self) as cell:
-            _warn(cell.up)
+            self._warn(cell.up)
             with self._display(cell.supervisor) as display:
                 cell.await_ready(display.show)
                 for line in _addresses(cell.up):
@@ -111,6 +114,15 @@ class UpCommand(CellOptions):
         with Live(table(supervisor.summary()), console=Console(stderr=True), refresh_per_second=4) as live:
             yield TableDisplay(live)
 
+    def _warn(self, up: runfile.Up) -> None:
+        """Tells the user of open ports, at which places the arm will do no work, and what will have no effect."""
+        if up.warning:
+            print(printable(f"dtwin: warning: {up.warning}"), file=sys.stderr)
+        settings = self.settings()
+        warn_of_places(settings.task, settings.machine.arm(settings.arm))
+        for text in of_no_use(settings, math.inf if self.duration is None else self.duration):
+            print(printable(f"dtwin: warning: {text}"), file=sys.stderr)
+
     def _detach(self) -> int:
         """Starts the same command, which shows nothing, in a session of its own and waits until it is ready."""
         words = [word for word in sys.argv[1:] if word not in ("--detach", "--json")]
@@ -129,7 +141,7 @@ class UpCommand(CellOptions):
                 said = up.progress
                 print(printable(f"waits for {said}"), file=sys.stderr, flush=True)
             if up is not None and up.ready:
-                _warn(up)
+                self._warn(up)
                 print(f"cell {self.cell!r} is up: see it with `dtwin status`, stop it with `dtwin down`")
                 for line in _addresses(up):
                     print(line)
@@ -137,12 +149,6 @@ class UpCommand(CellOptions):
             time.sleep(LOOK)
         words_said = output.read_text(errors="replace").strip().splitlines()
         raise CommunicationError(words_said[-1].removeprefix("dtwin: ") if words_said else "the cell did not start")
-
-
-def _warn(up: runfile.Up) -> None:
-    """Tells the user of open ports."""
-    if up.warning:
-        print(printable(f"dtwin: warning: {up.warning}"), file=sys.stderr)
 
 
 def _addresses(up: runfile.Up) -> list[str]:

@@ -17,13 +17,13 @@ from typing import Final
 import msgspec
 import numpy as np
 
-from dtwin.emulation.boxes import REACH, Arrivals, Box, BoxesState, Tally
+from dtwin.emulation.boxes import Arrivals, Box, BoxesState, Tally
 from dtwin.emulation.contact.bodies import Bodies, Point
 from dtwin.emulation.contact.scene import BELTS, BOXES, HALF
 from dtwin.emulation.contact.touch import Touch
 from dtwin.parameters import PICKUP, PLACES
 from dtwin.signals import BoxCounts, Event, EventKind
-from dtwin.task import Task
+from dtwin.task import REACH, Task
 
 ENTRY: Final = (0.36, -0.002, PICKUP.y)
 """Where a box enters the belt, m."""
