@@ -58,6 +58,8 @@ def _discard_output() -> None:
 
 
 def _dispatch(arguments: list[str]) -> int:
+    if arguments[:1] == ["help"]:
+        arguments = [*arguments[1:], "--help"]
     name = arguments[0] if arguments else "--help"
     if name in ("-h", "--help"):
         print(_overview())

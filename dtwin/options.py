@@ -179,6 +179,7 @@ _WORDS: Final[Sequence[tuple[str, str | Callable[[re.Match[str]], str]]]] = (
     (r"^Missing from \S.*?: (--\S+|[A-Z]+)( [A-Z]+)? (.*?) ?\(required\)$", r"expected \1: \3"),
     (r"Could not parse arguments \[(.*)\] into tuple type .*", r"expected numbers, got \1"),
     (r"^expected (STR|PATH|INT|FLOAT): ", "expected one word more: "),
+    (r"^(STR|PATH|INT|FLOAT): ", ""),
     (r"^Unrecognized options: ", "unknown option or too many words: "),
 )
 """What the parser says, and how it is said here."""

@@ -150,7 +150,7 @@ def identify(
     """
     arm = load_arm(Path(known)) if isinstance(known, str | Path) else known
     settings = settings_for(free, arm, texts(prior), loss, seed)
-    source = "a run" if isinstance(data, Run) else str(data)
+    source = data.source if isinstance(data, Run) else str(data)
     return fitted(measured(log_of(data), payload, source, arm or ArmParameters()), settings, friction)
 
 

@@ -118,7 +118,7 @@ def monitor(
     if commissioned is not None and model is not None:
         raise ParameterError("commissioned: expected no model beside it")
     log = log_of(data)
-    check_belonging("a run" if isinstance(data, Run) else str(data), log, ArmParameters())
+    check_belonging(data.source if isinstance(data, Run) else str(data), log, ArmParameters())
     seen = stream(log)
     settings = MonitorSettings(alarms_per_hour=alarms_per_hour, tuning=tuning_for(task_of(log.metadata).boxes))
     belief = _belief(seen, model, store, commissioned)

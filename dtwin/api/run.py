@@ -41,12 +41,14 @@ class Run:
         model_file: MJCF file that the arm is drawn from.
         summary: what came of the run; None where it was loaded, as a log does not hold it.
         hidden: what acted in the drives and touched, where that was collected.
+        source: where it comes from, in words: the file that it was loaded from.
     """
 
     log: Log
     model_file: Path = MODEL_FILE
     summary: RunSummary | None = None
     hidden: HiddenLog | None = None
+    source: str = "a run"
 
     @property
     def arm(self) -> ArmParameters:
@@ -165,7 +167,7 @@ def load(path: AnyPath) -> Run:
     Raises:
         RecordingError: the file is missing or no log.
     """
-    return Run(read_log(Path(path)))
+    return Run(read_log(Path(path)), source=str(path))
 
 
 @checked
@@ -211,7 +213,7 @@ def from_arrays(
         given["gripper"] = _column("gripper", gripper, rows)
     if box_colour is not None:
         given["box_colour"] = _column("box_colour", box_colour, rows, np.str_)
-    return Run(Log(completed("arrays", given, rows)))
+    return Run(Log(completed("arrays", given, rows)), source="arrays")
 
 
 def _columns(name: str, values: Numbers, rows: int, widths: tuple[int, ...]) -> dict[str, NDArray[Any]]:

@@ -50,6 +50,10 @@ _AGREED: Final = 0.75
 """Share of the parts in which it is better."""
 _RUBS: Final = 0.015
 """Dry friction that is expected of a joint, N m, and how far it may be off."""
+_DRIVEN: Final = 0.08
+"""Torque from which on a joint is not left alone, N m: more than its weight can be off."""
+_SCALES: Final = (1.5, 2.0, 3.0, 4.0)
+"""Factors by which voltages may be too small. Where the supply is weak they are too large instead."""
 _MOST_FRICTION: Final = 6.0
 """Largest friction relative to what is expected of it."""
 
@@ -61,11 +65,13 @@ class Way(NamedTuple):
         text: what the columns look like then, in words.
         angles: (3, 3), what undoes it in the angles.
         volts: (3, 3), what undoes it in the voltages.
+        offset: (3,), what is added to the angles then, rad.
     """
 
     text: str
     angles: Array
     volts: Array
+    offset: Array = np.zeros(3)
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +96,9 @@ class Moving:
     def undone(self, way: Way) -> Moving:
         """The same as it is if the columns were mixed up in some way."""
         angles = way.angles.T
-        return Moving(self.theta @ angles, self.omega @ angles, self.alpha @ angles, self.volts @ way.volts.T)
+        return Moving(
+            self.theta @ angles + way.offset, self.omega @ angles, self.alpha @ angles, self.volts @ way.volts.T
+        )
 
 
 def mixed_up(log: Log, arm: ArmParameters) -> str:
@@ -103,14 +111,28 @@ def mixed_up(log: Log, arm: ArmParameters) -> str:
     moving = moving_rows(log)
     if len(moving) < _FEWEST:
         return ""
+    if text := _without_commands(moving, arm):
+        return text
     as_it_is = _unexplained(moving, arm)
     best, text = _BETTER, ""
-    for way in _ways():
+    for way in (*_ways(), *_conventions(arm)):
         gains = as_it_is - _unexplained(moving.undone(way), arm)
         gain = float(np.median(gains))
         if gain > best and np.mean(gains > 0.0) >= _AGREED:
             best, text = gain, way.text
     return text
+
+
+def _without_commands(moving: Moving, arm: ArmParameters) -> str:
+    """Which joints have no voltage in any row and yet move as none does that is left alone; "" for none."""
+    left, Y, base = _torques(moving, arm)
+    least = 2.0 * np.log(_DRIVEN)
+    idle = [
+        joint + 1
+        for joint in range(3)
+        if not moving.volts[:, joint].any() and _variance(left, Y, base, joint) > least
+    ]
+    return f"{_joints(idle)} moved without voltage: it is 0 in every row, so the commands are missing" if idle else ""
 
 
 def delay(log: Log, arm: ArmParameters) -> int:
@@ -193,11 +215,16 @@ def _noise(measured: Array) -> Array:
 
 def _unexplained(moving: Moving, arm: ArmParameters) -> Array:
     """Sum over the joints of the logarithms of the variance of the torque that nothing explains, in parts, (P,)."""
-    Y = regressor(moving.theta, moving.omega, moving.alpha, arm.length)
-    base = base_parameters(arm)
-    left = moving.volts * np.array(arm.voltage_constant) - Y[..., :6] @ base[:6]
+    left, Y, base = _torques(moving, arm)
     parts = np.array_split(np.arange(len(moving)), min(_PARTS, len(moving) // _OF_PART))
     return np.array([sum(_variance(left[part], Y[part], base, joint) for joint in range(3)) for part in parts])
+
+
+def _torques(moving: Moving, arm: ArmParameters) -> tuple[Array, Array, Array]:
+    """Torque of commands beyond that of the motion without friction, (N, 3), N m; the regressor; its parameters."""
+    Y = regressor(moving.theta, moving.omega, moving.alpha, arm.length)
+    base = base_parameters(arm)
+    return moving.volts * np.array(arm.voltage_constant) - Y[..., :6] @ base[:6], Y, base
 
 
 def _variance(left: Array, Y: Array, base: Array, joint: int) -> float:
@@ -236,6 +263,21 @@ def _ways() -> Iterator[Way]:
             yield Way(f"angles of joint {joint + 1} look like {unit}, expected rad", one, same)
     for unit, factor in {"shares of the supply": VOLTAGE_LIMIT, "kilovolts": 1e3}.items():
         yield Way(f"voltages look like {unit}, expected V", same, factor * same)
+
+
+def _conventions(arm: ArmParameters) -> Iterator[Way]:
+    """What other arms and drivers mean by an angle or a command."""
+    same = np.eye(3)
+    step = same - np.eye(3, k=-1)
+    yield Way("angles look absolute, expected those of joints 2 and 3 from the link before", step, same)
+    yield Way("angles look like counts of 4096 a turn, expected rad", 2.0 * np.pi / 4096.0 * same, same)
+    # Joint 1 turned by 180 degrees is the same as all joints reversed.
+    for joint, turn in (*product(range(3), (-90, 90)), (1, 180), (2, 180)):
+        zero = f"the zero of joint {joint + 1} looks {abs(turn)} degrees away from that of the arm"
+        yield Way(zero, same, same, np.radians(turn) * same[joint])
+    yield Way("voltages look like torques in N m, expected V", same, np.diag(1.0 / np.array(arm.voltage_constant)))
+    for factor in _SCALES:
+        yield Way(f"voltages look {factor:g} times too small, expected those at the motors in V", same, factor * same)
 
 
 def _joints(numbers: list[int]) -> str:

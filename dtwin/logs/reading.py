@@ -115,8 +115,10 @@ def _switches(place: str, column: pa.Array) -> NDArray[np.bool_]:
 
 
 def _texts(place: str, column: pa.Array) -> NDArray[np.str_]:
-    """Texts; nothing is ""."""
+    """Texts; nothing is "", and so are the numbers by which other software knows colours."""
     kind = column.type
+    if pa.types.is_integer(kind) or pa.types.is_floating(kind):
+        return np.full(len(column), NO_COLOUR)
     if not (pa.types.is_string(kind) or pa.types.is_large_string(kind) or pa.types.is_null(kind)):
         raise RecordingError(f"{place}: expected texts (string), got {kind}{_sample(column)}")
     texts = column.cast(pa.string()).fill_null(NO_COLOUR).to_pylist()

@@ -61,6 +61,8 @@ def read_table(path: Path) -> Table:
         if (path / "meta" / "info.json").is_file():
             return _lerobot(path)
         raise RecordingError(f"{path}: expected a file, or the folder of a LeRobot data set with meta/info.json")
+    if not path.exists():
+        raise RecordingError(f"{path}: there is no such file or folder")
     door = _DOORS.get(path.suffix.lower())
     if door is None:
         raise RecordingError(f"{path}: expected a name that ends in {choices(_DOORS)}, or a LeRobot data set")

@@ -55,6 +55,20 @@ SENSORS = Sensors(7, 0.07, (0.1, -0.25, 1.5), 0.9, True, "red")
         ("fmu twin x.zip", "x.zip: expected a name that ends in .fmu, got '.zip' for another kind of file"),
         ("validate --plot x.svg", "x.svg: expected a name that ends in .png, got '.svg' for another kind of file"),
         ("run --duration 1e12", "duration: expected at least one period of 0.01 s and at most 864000 s, got 1e+12"),
+        ("machine draw x", "expected a whole number, got 'x' (see dtwin machine draw --help)"),
+        ("sbom x.txt", "x.txt: expected a name that ends in .json, got '.txt' for another kind of file"),
+        ("log show nowhere", "nowhere: there is no such file or folder"),
+        ("health nowhere.csv", "nowhere.csv: there is no such file or folder"),
+        ("run --duration 5min", "--duration: expected a number, got '5min' (see dtwin run --help)"),
+        ("run --set m1=-1", "m1 (mass): expected a finite number above 0, got -1.0"),
+        ("run --set m1", "'m1': expected NAME=NUMBER, e.g. m1=0.15"),
+        ("run --realtime yes", "unknown option or too many words: yes (see dtwin run --help)"),
+        ("run --step 0.003", "period 0.01 s: expected a whole multiple, at least 1, of the integration step 0.003 s"),
+        ("Run", "unknown command 'Run'; perhaps you meant run"),
+        ("demo recover", "unknown command 'demo recover': expected demo recovery"),
+        ("film run.rrd x.gif", "run.rrd: expected the log of `dtwin run --log`, not a recording"),
+        ("simulate --candidate T", "candidate 'T': expected NAME=VALUE, got 'T'"),
+        ("simulate --goal purple", "unknown place 'purple': expected pickup, blue, red, green, home or hanging"),
         ("run --duration nan", "duration: expected at least one period of 0.01 s and at most 864000 s, got nan"),
         (
             "run --cell-file=",
@@ -67,6 +81,17 @@ def test_mistakes_are_told_without_words_of_the_parser(
 ) -> None:
     assert main(words.split()) == 2
     assert capsys.readouterr().err == f"dtwin: {said}\n"
+
+
+@pytest.mark.parametrize("words", ["help", "help run", "help machine", "help fb check"])
+def test_help_is_shown_to_who_asks_with_a_word(words: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with suppress(SystemExit):
+        main(words.split())
+    asked = capsys.readouterr().out
+    with suppress(SystemExit):
+        main([*words.split()[1:], "--help"])
+    assert asked == capsys.readouterr().out
+    assert asked.startswith("usage: dtwin")
 
 
 @pytest.mark.parametrize("name", ["run", "simulate", "up", "identify", "fb run", "upload gains"])

@@ -179,7 +179,7 @@ def test_the_log_of_an_arm_that_nobody_knows_the_truth_of(tmp_path: Path) -> Non
         (lambda t: t.drop_columns("volts_2"), "column volts_2 is missing: expected t, measured_1"),
         (lambda t: replaced(t, "volts_1", pa.array(list("1234"))), "column volts_1: expected numbers (double), got"),
         (
-            lambda t: replaced(t, "box_colour", pa.array([1, 2, 3, 4])),
+            lambda t: replaced(t, "box_colour", pa.array([[1], [2], [3], [4]])),
             "column box_colour: expected texts (string), got",
         ),
         (

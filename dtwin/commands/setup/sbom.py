@@ -16,7 +16,7 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 from dtwin.errors import DtwinError, choices
-from dtwin.files import replacing
+from dtwin.files import ensure_writable, replacing
 
 if TYPE_CHECKING:
     from cyclonedx.model.bom import Bom
@@ -41,6 +41,8 @@ class Sbom:
     """Extra of dtwin whose distributions count, too, such as console; repeatable."""
 
     def execute(self) -> int:
+        if self.out is not None:
+            ensure_writable(self.out, ".json")
         text = bill(self.extra)
         if self.out is None:
             sys.stdout.write(text)

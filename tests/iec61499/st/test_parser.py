@@ -150,7 +150,7 @@ END_ALGORITHM
         ("x := 1;\nIF x y := 2;", "f.fbt:4:6: unexpected 'y': expected an operator, (, ., THEN or ["),
         ("x = 1;", "f.fbt:3:7: unexpected '=': expected := to assign"),
         ("x := 'a", 'f.fbt:3:10: unexpected character "\'"'),
-        ("x := a ? b;", "f.fbt:3:12: unexpected character '?'"),
+        ("x := a $ b;", "f.fbt:3:12: unexpected character '$'"),
         ("x := 2#12;", "f.fbt:3:10: 2#12 has a digit beyond base 2"),
         ("x := SINT#200;", "f.fbt:3:10: SINT#200 is out of the range of SINT: expected -128 to 127"),
         ("x := '$q';", "unknown escape $q"),
