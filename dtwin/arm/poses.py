@@ -38,6 +38,10 @@ class Poses:
             place (sorting.py). 0 for a list of poses.
         tolerance: distance of a joint from its pose within which the time in the pose counts, rad or m.
         payload: usual mass of a box, kg.
+        spacing: time from pose to pose of a path, s, which rests in the first and the last one alone; 0 to rest in
+            each.
+        velocities: velocities at the poses of a path, (k, n); None for rest.
+        accelerations: accelerations there, (k, n); None for none.
     """
 
     positions: Array
@@ -46,6 +50,9 @@ class Poses:
     places: int = 0
     tolerance: float = np.inf
     payload: float = 0.0
+    spacing: float = 0.0
+    velocities: Array | None = None
+    accelerations: Array | None = None
 
 
 class _File(msgspec.Struct, forbid_unknown_fields=True):

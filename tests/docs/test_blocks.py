@@ -38,7 +38,7 @@ from tests.support.pages.blocks import PAGES, Block, blocks, command_of, fences,
 WALKED: Final = {
     "docs/tutorial.md": ("tests/services/test_tutorial.py", {"sh", "text"}),
     "docs/cells.md": ("tests/test_cells_page.py", {"sh", "toml", "xml"}),
-    "docs/arms.md": ("tests/test_arms_page.py", {"sh", "toml", "xml", "text"}),
+    "docs/arms.md": ("tests/test_arms_page.py", {"sh", "toml", "xml", "csv", "text"}),
     "docs/architecture.md": ("tests/test_architecture.py", {"text", "xml", "python"}),
 }
 """By page: the test that carries it out, and the languages of the blocks that it knows."""

@@ -14,6 +14,7 @@ from dtwin.emulation.chain.arms import arm_of
 from dtwin.equations.rigid import usual_inertia
 from dtwin.errors import ParameterError
 from dtwin.files import ensure_writable, replacing
+from dtwin.run.following import read_path
 from dtwin.terminal import printable
 from iec61499.deploy.system_file import system_text
 
@@ -37,6 +38,8 @@ class FbMake:
     """System file (.sys) to write."""
     poses: Path | None = None
     """TOML file of the poses that the arm takes (docs/arms.md); without it the arm stays where it is."""
+    path: Path | None = None
+    """CSV file of a path that it follows instead."""
     devices: Devices = "one"
     """One device for all blocks; or one for every joint, and a first one that leads them (docs/devices.md)."""
     late: bool = False
@@ -45,7 +48,10 @@ class FbMake:
     def execute(self) -> int:
         ensure_writable(self.out, ".sys")
         arm = arm_of(self.arm)
+        if self.poses is not None and self.path is not None:
+            raise ParameterError("--poses and --path: expected one of them")
         poses = None if self.poses is None else read_poses(self.poses, arm)
+        poses = poses if self.path is None else read_path(self.path, arm)
         control = Control(delay=arm.period if self.late else 0.0)
         values = inputs(arm, usual_inertia(arm), control, poses)
         types = _types(self.out.absolute().parent)

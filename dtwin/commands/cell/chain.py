@@ -15,7 +15,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 
 from dtwin.arm.chain import Arm
 from dtwin.arm.poses import Poses, drawn_poses, read_poses
-from dtwin.arm.sorting import read_sorting
+from dtwin.arm.sorting import Sorting, read_sorting
 from dtwin.commands.hints import viewer_command
 from dtwin.controller.chain.application import Control
 from dtwin.emulation.chain.arms import arm_of
@@ -24,12 +24,13 @@ from dtwin.emulation.generators import check_seed
 from dtwin.errors import ParameterError
 from dtwin.files import LOG, RECORDING, ensure_writable
 from dtwin.run.chain import ChainRun, ChainSettings, run, sorting_poses
+from dtwin.run.following import read_path
 from dtwin.terminal import print_json, printable
 
 THESIS: Final = "thesis"
 """The arm of a run without --arm."""
 KNOWN: Final = frozenset(
-    {"arm", "poses", "sort", "late", "machine", "seed", "duration", "log", "record", "json", "runtime"}
+    {"arm", "poses", "path", "sort", "late", "machine", "seed", "duration", "log", "record", "json", "runtime"}
 )
 """Options of `dtwin run` that mean something for any arm."""
 LONGEST: Final = 86_400.0
@@ -64,6 +65,12 @@ def poses_for(arm: Arm, file: Path | None, seed: int) -> Poses:
     return Poses(drawn.positions, 0.3, True)
 
 
+def _task(arm: Arm, options: Any, sorting: Sorting | None) -> Poses:
+    if sorting is not None:
+        return sorting_poses(arm, sorting)
+    return poses_for(arm, options.poses, options.seed) if options.path is None else read_path(options.path, arm)
+
+
 def run_arm(options: Any, interruption: Callable[[], AbstractContextManager[Any]]) -> int:
     """Runs the arm of --arm; returns the exit status.
 
@@ -81,13 +88,13 @@ def run_arm(options: Any, interruption: Callable[[], AbstractContextManager[Any]
         if path is not None:
             ensure_writable(path, ending)
     arm = arm_of(options.arm)
-    if options.sort is not None and options.poses is not None:
-        raise ParameterError("--sort and --poses: expected one of them")
+    if sum(each is not None for each in (options.sort, options.poses, options.path)) > 1:
+        raise ParameterError("--sort, --poses and --path: expected one of them")
     sorting = None if options.sort is None else read_sorting(options.sort)
     settings = ChainSettings(
         arm,
         machine_of(options.machine or IDEAL, arm),
-        poses_for(arm, options.poses, options.seed) if sorting is None else sorting_poses(arm, sorting),
+        _task(arm, options, sorting),
         Control(delay=min(options.late, 1) * arm.period),
         options.duration,
         options.seed,

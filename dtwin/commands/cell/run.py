@@ -60,6 +60,8 @@ class Run(PlantOptions, ControlOptions, RuntimeOption):
     --machine is ideal, nominal (as its data sheet) or a number."""
     poses: Path | None = None
     """TOML file of the poses that the arm of --arm takes; some that are drawn by --seed if not given."""
+    path: Path | None = None
+    """CSV file of a path that the arm of --arm follows: t, and its joints, or x, y, z of its tool (docs/arms.md)."""
     sort: Path | None = None
     """TOML file of a sorting task for the arm of --arm (docs/arms.md)."""
     late: int = 0
@@ -68,8 +70,8 @@ class Run(PlantOptions, ControlOptions, RuntimeOption):
     def execute(self) -> int:
         if self.arm != THESIS:
             return run_arm(self, _Interruption)
-        if self.poses is not None or self.sort is not None or self.late:
-            raise ParameterError("--poses, --sort, --late: expected --arm with another arm than the thesis's")
+        if self.late or any(each is not None for each in (self.poses, self.path, self.sort)):
+            raise ParameterError("--poses, --path, --sort, --late: expected --arm with another arm than the thesis's")
         record = self.record or (None if self.json else Path("run.rrd"))
         earlier = record is not None and record.exists()
         for path, ending in ((record, RECORDING), (self.log, LOG)):

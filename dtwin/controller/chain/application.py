@@ -297,20 +297,33 @@ def inputs(arm: Arm, inertia: Array, control: Control, poses: Poses | None) -> d
         f"{SEQUENCE}.PLACES": 0 if poses is None else poses.places,
         f"{SEQUENCE}.TOLERANCE": poses.tolerance if poses is not None and np.isfinite(poses.tolerance) else _WIDE,
         f"{SEQUENCE}.PAYLOAD": 0.0 if poses is None else poses.payload,
+        f"{SEQUENCE}.SPACING": 0.0 if poses is None else poses.spacing,
         f"{STOP}.FOLLOWING_LIMIT": control.following,
         f"{STOP}.SPEED_LIMIT": 2.0 * max(joint.speed for joint in arm.joints),
     }
     chain = aligned(arm)
     for k in range(len(arm)):
-        positions = np.zeros(0) if poses is None else poses.positions[:, k]
-        padded = np.concatenate([positions, np.zeros(MOST - len(positions))])
-        own = {"POSES": [float(x) for x in padded], **_link(chain, k), **_drive(arm, k, float(inertia[k]))}
+        own = {**_points(poses, k), **_link(chain, k), **_drive(arm, k, float(inertia[k]))}
         own |= dict(zip(("KP", "KI", "KD"), control.gains, strict=True))
         own |= {"BANDWIDTH": control.observer, "DELAY": control.delay, "TS": arm.period}
         if not k:
             own |= {f"A{x}": float(-g) for x, g in zip(_XYZ, arm.gravity, strict=True)}
         values |= {f"{joint_name(k)}.{name}": value for name, value in own.items()}
     return values
+
+
+def _points(poses: Poses | None, k: int) -> dict[str, list[float]]:
+    """What a joint does at each pose, filled up with zeros."""
+    given = {
+        "POSES": np.zeros((0, k + 1)) if poses is None else poses.positions,
+        "VELOCITIES": None if poses is None else poses.velocities,
+        "ACCELERATIONS": None if poses is None else poses.accelerations,
+    }
+    return {
+        name: [float(x) for x in np.concatenate([rows[:, k], np.zeros(MOST - len(rows))])]
+        for name, rows in given.items()
+        if rows is not None
+    }
 
 
 def _link(chain: Arm, k: int) -> dict[str, Any]:
