@@ -34,6 +34,10 @@ _PAUSE: Final = 0.01
 """s between two looks"""
 
 
+LINE: Final = "line"
+"""Name of what stands in the place of an arm in the keys of a line, and of the configuration file of its service."""
+
+
 class Up(msgspec.Struct, frozen=True):
     """A cell that is up: its supervisor's process, how to join its bus, where its controller is managed, whether all
     services were ready, the page that shows it, if any, the page of its operators, if any, what its user was warned
@@ -202,6 +206,25 @@ def join(cell: str, zenoh: Path | None = None, name: str = OPERATOR, arm: str = 
     up = require(cell)
     session = open_configured(Path(up.zenoh), name) if up.zenoh else open_peer(up.meet)
     return Bus(session, cell, up.arm, _key(cell))
+
+
+def join_line(name: str, zenoh: Path | None = None, role: str = OPERATOR) -> Bus:
+    """The bus of a line, as that of a cell.
+
+    Raises:
+        ParameterError: it cannot have this name, or what should be the key is none.
+        CommunicationError: it is not up, it is a cell, or its bus cannot be joined.
+    """
+    if zenoh is None:
+        up = find(check_name(name, "line"))
+        if up is None or up.arm != LINE:
+            raise CommunicationError(f"line {name!r} is not up on this machine: start it with `dtwin line up`")
+    return join(name, zenoh, role, LINE)
+
+
+def ready(up: Up) -> Up:
+    """The same of what is ready now."""
+    return msgspec.structs.replace(up, ready=True, progress="")
 
 
 def _key(cell: str) -> bytes | None:

@@ -11,7 +11,23 @@ from typing import Annotated, Final, Literal, NamedTuple
 import msgspec
 
 from dtwin.bus.controller.messages import IdentificationSignal, SettingsInForce, SettingsRequest, SignalRequest
-from dtwin.bus.proposals.messages import AnswerRequest, Look, LookRequest, Proposal, ProposalDecision, ProposalRequest
+from dtwin.bus.line.messages import (
+    FlowEffect,
+    LineState,
+    SetUpDone,
+    SetUpQuestion,
+    SetUpRequest,
+    StationWord,
+)
+from dtwin.bus.proposals.messages import (
+    AnswerRequest,
+    LineLook,
+    Look,
+    LookRequest,
+    Proposal,
+    ProposalDecision,
+    ProposalRequest,
+)
 from dtwin.bus.twin_messages import (
     AcknowledgeRequest,
     DeskRequest,
@@ -352,10 +368,19 @@ ACKNOWLEDGE: Final = Topic(
 )
 WATCH: Final = Topic("twin/monitoring/watch", "query", WatchRequest, WatchState, "monitoring")
 RESIDUALS: Final = Topic("twin/monitoring/residuals", "publication", MonitoringResiduals, None, "monitoring")
+LINE_STATE: Final = Topic("twin/overall/state", "query", LookRequest, LineState, "line")
+LINE_PREDICT: Final = Topic("twin/overall/predict", "query", SetUpQuestion, FlowEffect, "line", patience=CHECKED)
+LINE_LOOK: Final = Topic("twin/overall/look", "query", LookRequest, LineLook, "line")
+LINE_PROPOSE: Final = Topic("twin/overall/propose", "query", ProposalRequest, Proposal, "line", patience=CHECKED)
+LINE_DECIDE: Final = Topic("twin/overall/decide", "query", ProposalDecision, Proposal, "line")
+SET_UP: Final = Topic("twin/overall/setup", "query", SetUpRequest, SetUpDone, "line", patience=CHECKED)
+LINE_STOP: Final = Topic("twin/overall/stop", "query", StationWord, LineState, "line")
+LINE_RELEASE: Final = Topic("twin/overall/release", "query", StationWord, LineState, "line")
 TOPICS: Final = (
     *(SENSORS, VOLTAGES, ACTED, PATH, TRUTH, TICKS, EVENTS, STATUS, ALIVE),
     *(SETTINGS, SIGNAL, STOP, RELEASE, DESK, FAULT, RESET, LATCH, SAMPLE_BACKLOG, ANSWER_BACKLOG, SUMMARY),
     *(IDENTIFICATION, IDENTIFY, DECIDE, UPLOAD, PREDICT, ROLL_BACK, LOOK, PROPOSE, DECIDE_PROPOSAL, ANSWER),
     *(MONITORING, RESIDUALS, ACKNOWLEDGE, WATCH),
+    *(LINE_STATE, LINE_PREDICT, LINE_LOOK, LINE_PROPOSE, LINE_DECIDE, SET_UP, LINE_STOP, LINE_RELEASE),
 )
 """All there is on the bus. `*` stands for the service's name; a query's sender is who answers it."""

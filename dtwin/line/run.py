@@ -123,6 +123,8 @@ class LineRun:
         control: its blocks.
         course: what it has been so far.
         assignment: which station does what now.
+        version: number of set-ups since the start.
+        propose: called with what the twins would do, and why, when they may only propose.
 
     Raises:
         DtwinError: a station, a fault or the blocks cannot be used.
@@ -145,7 +147,10 @@ class LineRun:
         self._repairs: list[tuple[float, str]] = []
         self._stopped: set[str] = set()
         self._pending: tuple[Assignment, str, str] | None = None
+        self._cycle = 0
         self.wall = 0.0
+        self.version = 0
+        self.propose: Callable[[Choice, str], None] = lambda choice, why: None
         self._inject(settings.faults)
         self.assignment: Assignment = dict(line.assignment)
         self.control.set_up(self.assignment)
@@ -162,15 +167,28 @@ class LineRun:
             DtwinError: a box has vanished, or an arm or the blocks have failed.
         """
         began = time.perf_counter()
-        cycles = round(self.settings.duration / CYCLE)
-        for cycle in range(1, cycles + 1):
-            self.plant.advance()
-            self.control.step(self.plant)
-            if cycle % _LOOK == 0:
-                self._look()
-                if progress is not None:
-                    progress(self.time)
+        while not self.over:
+            self.step()
+            if progress is not None and self._cycle % _LOOK == 0:
+                progress(self.time)
         self.wall = time.perf_counter() - began
+
+    @property
+    def over(self) -> bool:
+        """Whether the end is reached."""
+        return self._cycle >= round(self.settings.duration / CYCLE)
+
+    def step(self) -> None:
+        """Runs for a cycle.
+
+        Raises:
+            DtwinError: a box has vanished, or an arm or the blocks have failed.
+        """
+        self._cycle += 1
+        self.plant.advance()
+        self.control.step(self.plant)
+        if self._cycle % _LOOK == 0:
+            self._look()
 
     def rate(self, since: float, until: float | None = None) -> float:
         """Boxes an hour that have left between two times, s, from the first to the last of them."""
@@ -191,7 +209,7 @@ class LineRun:
         """What happens once a second: the record, the repairs, and the twins."""
         check_boxes(self.plant)
         self.course.events += self.plant.drain()
-        self._sample()
+        self.course.samples.append(self.sample())
         if self.settings.twins != "off":
             for name, node in self._nodes.items():
                 report = self.plant.stations[name].report
@@ -208,7 +226,8 @@ class LineRun:
         while self._repairs and self._repairs[0][0] <= self.time:
             self._repair(self._repairs.pop(0)[1])
 
-    def _sample(self) -> None:
+    def sample(self) -> Sample:
+        """What the line does now."""
         phases = [_phase(vehicle) for vehicle in self.plant.vehicles.values()]
         states = []
         for state in self.plant.stations.values():
@@ -216,9 +235,7 @@ class LineRun:
             states.append(2 if state.report.stop else 1 if state.report.arm else blocked)
         positions = tuple(vehicle.position for vehicle in self.plant.vehicles.values())
         left = len(self.plant.left)
-        self.course.samples.append(
-            Sample(self.time, tuple(states), tuple(phases), positions, self.plant.in_line(), left)
-        )
+        return Sample(self.time, tuple(states), tuple(phases), positions, self.plant.in_line(), left)
 
     def _answer(self, name: str, node: NodeTwin, finding: Finding) -> None:
         """What follows from a finding: the arm is stopped if it can no longer do all, and its work is given away."""
@@ -231,12 +248,12 @@ class LineRun:
             self._decide(f"twin of {name}", "stop", f"{node.capability.ability}: {node.capability.why}", name)
         self._set_up(self.assignment, f"{name} can do {node.capability.ability}", name)
 
-    def _repair(self, name: str) -> None:
-        """The operator has repaired an arm and releases it; its work comes back."""
+    def _repair(self, name: str, who: str = OPERATOR, why: str = "the arm is repaired and released") -> None:
+        """Somebody has repaired an arm and releases it; its work comes back."""
         self.emulated[name].give("release")
         self._nodes[name].repaired(round(self.time / PERIOD))
         self._stopped.discard(name)
-        self._decide(OPERATOR, "repair", "the arm is repaired and released", name)
+        self._decide(who, "repair", why, name)
         if self.settings.twins != "off":
             self._set_up(self.line.assignment, f"{name} is repaired", name)
 
@@ -275,6 +292,9 @@ class LineRun:
         self._decide("overall twin", what, why, name, choice.assignment, choice.rate)
         if acts:
             self.assignment = choice.assignment
+            self.version += 1
+        else:
+            self.propose(choice, why)
 
     def _decide(
         self,

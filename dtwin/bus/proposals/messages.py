@@ -9,13 +9,14 @@ from typing import Annotated, Final, Literal, get_args
 
 import msgspec
 
+from dtwin.bus.line.messages import FlowEffect, SetUpRequest
 from dtwin.bus.twin_messages import Upload, UploadRequest
 from dtwin.parameters import Triple
 from dtwin.signals import SCHEMA, Count, Line, Seconds, Word
 
-Kind = Literal["settings", "answer", "acknowledge", "stop", "diagnosis"]
+Kind = Literal["settings", "answer", "acknowledge", "stop", "diagnosis", "set-up"]
 """settings: other settings of the controller; answer: what recovery does about findings; acknowledge: a finding
-counts as normal; stop: a safe stop; diagnosis: words alone, for a person."""
+counts as normal; stop: a safe stop; diagnosis: words alone, for a person; set-up: of a line, its stations otherwise."""
 KINDS: Final[tuple[Kind, ...]] = get_args(Kind)
 ProposalState = Literal["open", "approved", "declined", "expired"]
 """approved: a person has taken it on, once; what came of it is told afterwards."""
@@ -36,6 +37,7 @@ class ProposalRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEM
         change: other settings, for the kind settings alone; `based_on` is the version that the AI has seen.
         parameters: what the findings name that are answered or acknowledged.
         text: the diagnosis in words.
+        set_up: other stations for operations, for the kind set-up alone; `based_on` is the version that was seen.
     """
 
     who: Word
@@ -44,6 +46,7 @@ class ProposalRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEM
     change: UploadRequest | None = None
     parameters: Names = ()
     text: Line = ""
+    set_up: SetUpRequest | None = None
 
 
 class Effect(msgspec.Struct, frozen=True):
@@ -78,6 +81,7 @@ class Proposal(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
         effect: what the twin expects, of proposed settings.
         by: person who has decided, "" while nobody has.
         outcome: what came of it, in words.
+        flow: what the twins of a line expect, of a proposed set-up.
     """
 
     number: Count
@@ -88,6 +92,7 @@ class Proposal(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
     effect: Effect | None = None
     by: Word = ""
     outcome: Line = ""
+    flow: FlowEffect | None = None
 
 
 class ProposalDecision(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
@@ -133,4 +138,16 @@ class Look(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
     """
 
     settings: Upload
+    proposals: Annotated[tuple[Proposal, ...], msgspec.Meta(max_length=SHOWN)] = ()
+
+
+class LineLook(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """What may be seen of the set-up of a line without a right to change it.
+
+    Attributes:
+        version: version of the set-up in force.
+        proposals: the newest proposals, oldest first.
+    """
+
+    version: Count
     proposals: Annotated[tuple[Proposal, ...], msgspec.Meta(max_length=SHOWN)] = ()

@@ -21,7 +21,7 @@ from dtwin.line.system import system
 from dtwin.terminal import print_json, printable
 
 _HTML: Final = ".html"
-_LONGEST: Final = 86_400.0
+LONGEST: Final = 86_400.0
 """Longest run, s."""
 DEMO: Final = LineSettings(duration=420.0, faults=(("a2", "K2*=0.1@137.5-270"),))
 """The run of the demonstration: the arm of a2 loses nine tenths of a motor's torque with a box held, and is repaired
@@ -55,9 +55,9 @@ class LineRunCommand(RuntimeOption):
     """Print one JSON object on standard output and nothing else."""
 
     def execute(self) -> int:
-        if not 1.0 <= self.duration <= _LONGEST:
-            raise ParameterError(f"--duration: expected 1 to {_LONGEST:g} s, got {self.duration:g}")
-        settings = LineSettings(self.duration, self.twins, tuple(map(_fault, self.fault)), self.devices)
+        if not 1.0 <= self.duration <= LONGEST:
+            raise ParameterError(f"--duration: expected 1 to {LONGEST:g} s, got {self.duration:g}")
+        settings = LineSettings(self.duration, self.twins, tuple(map(fault_of, self.fault)), self.devices)
         with chosen(self.runtime):
             if not self.served:
                 return _carried_out(self.line, settings, self.out, self.report, self.json)
@@ -104,7 +104,7 @@ class LineReport:
         return 0
 
 
-def _fault(text: str) -> tuple[str, str]:
+def fault_of(text: str) -> tuple[str, str]:
     station, colon, fault = text.partition(":")
     if not colon:
         raise ParameterError(f"--fault: expected STATION:FAULT, such as a2:K2*=0.1@122-270, got {text!r}")

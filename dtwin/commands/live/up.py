@@ -84,7 +84,12 @@ class UpCommand(CellOptions):
 
     def execute(self) -> int:
         if self.detach:
-            return self._detach()
+            up = detached(self.cell)
+            self._warn(up)
+            print(f"cell {self.cell!r} is up: see it with `dtwin status`, stop it with `dtwin down`")
+            for line in _addresses(up):
+                print(line)
+            return 0
         with launched(self) as cell:
             self._warn(cell.up)
             with self._display(cell.supervisor) as display:
@@ -123,32 +128,37 @@ class UpCommand(CellOptions):
         for text in of_no_use(settings, math.inf if self.duration is None else self.duration):
             print(printable(f"dtwin: warning: {text}"), file=sys.stderr)
 
-    def _detach(self) -> int:
-        """Starts the same command, which shows nothing, in a session of its own and waits until it is ready."""
-        words = [word for word in sys.argv[1:] if word not in ("--detach", "--json")]
-        output = runfile.output_of(self.cell)
-        if runfile.find(self.cell) is not None:
-            raise CommunicationError(f"cell {self.cell!r} is up already: stop it with `dtwin down`")
-        with output.open("wb") as sink:
-            command = [sys.executable, "-m", "dtwin", *words, "--json"]
-            process = subprocess.Popen(
-                command, stdin=subprocess.DEVNULL, stdout=sink, stderr=sink, start_new_session=True
-            )
-        said = ""
-        while process.poll() is None:
-            up = runfile.find(self.cell)
-            if up is not None and up.progress != said and not up.ready:
-                said = up.progress
-                print(printable(f"waits for {said}"), file=sys.stderr, flush=True)
-            if up is not None and up.ready:
-                self._warn(up)
-                print(f"cell {self.cell!r} is up: see it with `dtwin status`, stop it with `dtwin down`")
-                for line in _addresses(up):
-                    print(line)
-                return 0
-            time.sleep(LOOK)
-        words_said = output.read_text(errors="replace").strip().splitlines()
-        raise CommunicationError(words_said[-1].removeprefix("dtwin: ") if words_said else "the cell did not start")
+
+def detached(cell: str, kind: str = "cell") -> runfile.Up:
+    """Starts the same command, which shows nothing, in a session of its own and waits until it is ready.
+
+    Args:
+        cell: name of the cell or line.
+        kind: what it is, in words.
+
+    Raises:
+        CommunicationError: it is up already, or does not start.
+    """
+    words = [word for word in sys.argv[1:] if word not in ("--detach", "--json")]
+    output = runfile.output_of(cell)
+    if runfile.find(cell) is not None:
+        raise CommunicationError(f"{kind} {cell!r} is up already: stop it with `dtwin down`")
+    with output.open("wb") as sink:
+        command = [sys.executable, "-m", "dtwin", *words, "--json"]
+        process = subprocess.Popen(
+            command, stdin=subprocess.DEVNULL, stdout=sink, stderr=sink, start_new_session=True
+        )
+    said = ""
+    while process.poll() is None:
+        up = runfile.find(cell)
+        if up is not None and up.progress != said and not up.ready:
+            said = up.progress
+            print(printable(f"waits for {said}"), file=sys.stderr, flush=True)
+        if up is not None and up.ready:
+            return up
+        time.sleep(LOOK)
+    words_said = output.read_text(errors="replace").strip().splitlines()
+    raise CommunicationError(words_said[-1].removeprefix("dtwin: ") if words_said else f"the {kind} did not start")
 
 
 def _addresses(up: runfile.Up) -> list[str]:

@@ -14,6 +14,7 @@ from typing import Final
 import msgspec
 
 from dtwin.bus.codec import encode
+from dtwin.bus.line.messages import FlowEffect
 from dtwin.bus.proposals.messages import SHOWN, Effect, Proposal, ProposalDecision, ProposalRequest, ProposalState
 from dtwin.errors import ParameterError
 from dtwin.line_file import LineFile
@@ -28,8 +29,12 @@ CHECKED_IN: Final = 30.0
 """Plant time, s."""
 RECOVERY: Final = "recovery"
 """Name under which the recovery service proposes."""
+TWIN: Final = "overall-twin"
+"""Name under which the twins of a line propose."""
+OWN: Final = (RECOVERY, TWIN)
+"""Names under which nobody else proposes."""
 SPARED: Final = 2
-"""Number of both that all others leave to recovery, so that nobody's proposals keep it from answering a finding."""
+"""Number of both that all others leave to these two, so that nobody's proposals keep them from answering a finding."""
 LONGEST: Final = 4500
 """Greatest size of what is proposed, bytes of its message."""
 TOLD: Final = 60_000
@@ -78,7 +83,7 @@ class Book:
             ParameterError: too many wait already, or were checked just now.
         """
         self._expire(time, version)
-        spared = 0 if who == RECOVERY else SPARED
+        spared = 0 if who in OWN else SPARED
         most = MOST_OPEN - spared
         if sum(each.state == "open" for each in self._kept.values()) >= most:
             raise ParameterError(f"{most} proposals wait for a person already: expected none more until one does")
@@ -91,14 +96,18 @@ class Book:
             )
         self._checked.append(time)
 
-    def add(self, request: ProposalRequest, effect: Effect | None, time: float) -> Proposal:
+    def add(
+        self, request: ProposalRequest, effect: Effect | FlowEffect | None, time: float
+    ) -> Proposal:
         """Keeps a proposal that has passed its checks, for which `make_room` found room.
 
         Raises:
             RecordingError: it cannot be written down; then it is none.
         """
         number = max(self._kept, default=0) + 1
-        return self._keep(Proposal(number, digest(number, time, request), time, request, effect=effect))
+        made = Proposal(number, digest(number, time, request), time, request)
+        name = "flow" if isinstance(effect, FlowEffect) else "effect"
+        return self._keep(msgspec.structs.replace(made, **{name: effect}))
 
     def decide(self, decision: ProposalDecision, time: float, version: int) -> Proposal:
         """Notes what a person has decided, or what came of it.
@@ -157,6 +166,8 @@ def check_form(request: ProposalRequest) -> None:
     kind, size = request.kind, len(encode(request))
     if size > LONGEST:
         raise ParameterError(f"proposal: expected at most {LONGEST} bytes, got {size}: use fewer words")
+    if (request.set_up is not None) != (kind == "set-up"):
+        raise ParameterError(f"set_up: expected one for a set-up alone, proposed is {kind}")
     if (request.change is not None) != (kind == "settings"):
         raise ParameterError(f"change: expected one for settings alone, proposed is {kind}")
     if bool(request.parameters) != (kind in ("answer", "acknowledge")):
@@ -174,4 +185,7 @@ def _over(proposal: Proposal, time: float, version: int) -> str:
     change = proposal.request.change
     if change is not None and change.based_on != version:
         return f"it stands on version {change.based_on} of the settings, in force is {version}"
+    set_up = proposal.request.set_up
+    if set_up is not None and set_up.based_on != version:
+        return f"it stands on version {set_up.based_on} of the set-up, in force is {version}"
     return ""

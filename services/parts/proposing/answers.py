@@ -12,6 +12,7 @@ from dtwin.bus.session import Bus
 from dtwin.bus.twin_messages import Upload, UploadRequest
 from dtwin.controller.bounds import check_model
 from dtwin.controller.settings import ControlSettings
+from dtwin.errors import ParameterError
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters
 from dtwin.simulation.checks import ExpectedTracking, Refused
 from dtwin.simulation.proposals.book import Book, check_form
@@ -66,6 +67,8 @@ class Proposing:
 
     def _propose(self, asked: ProposalRequest) -> Proposal:
         check_form(asked)
+        if asked.kind == "set-up":
+            raise ParameterError("set-up: expected one of a line; this is a cell")
         with self._lock:
             uploader = self._there()
             self._book.make_room(self._time(), uploader.version, asked.who)

@@ -1,0 +1,1 @@
+"""What is said of a production line on the bus."""

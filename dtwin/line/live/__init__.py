@@ -1,0 +1,1 @@
+"""A line that can be asked while it runs."""
