@@ -11,7 +11,6 @@ import msgspec
 from mcp.server.mcpserver.exceptions import ToolError
 
 from dtwin.ai.profiles import Profile, Rate, role_of
-from dtwin.ai.station import Station
 from dtwin.console.people.audit import Audit, AuditEntry
 from dtwin.errors import DtwinError, RecordingError
 from dtwin.terminal import printable
@@ -28,22 +27,31 @@ class Noting:
 
     Args:
         audit: file of the calls.
-        station: where the AI stands.
+        who: name of the AI.
         profile: what it may do.
         session: name of this run of the server.
         address: where the client is: stdio, or the address of the server.
         rate: bound of the calls.
+        now: gives the time of the clock since 1970 and the plant time, s.
     """
 
     def __init__(
-        self, audit: Audit, station: Station, profile: Profile, session: str, address: str, rate: Rate
+        self,
+        audit: Audit,
+        who: str,
+        profile: Profile,
+        session: str,
+        address: str,
+        rate: Rate,
+        now: Callable[[], tuple[float, float]],
     ) -> None:
         self._audit = audit
-        self._station = station
+        self._who = who
         self._profile = profile
         self._session = session
         self._address = address
         self._rate = rate
+        self._now = now
 
     def noted(self, name: str, tool: Tool, *, changes: bool = False, always: bool = False) -> Tool:
         """A tool whose calls are noted.
@@ -92,13 +100,13 @@ class Noting:
                 raise ToolError(f"done, but not noted: {error}") from None
 
     def _append(self, name: str, arguments: dict[str, Any], done: bool, answer: str) -> None:
-        wall, plant = self._station.clocks.wall(), self._station.hub.frame().time
+        wall, plant = self._now()
         role = role_of(self._profile)
         self._audit.append(
             AuditEntry(
                 round(wall, 3),
                 plant,
-                self._station.who,
+                self._who,
                 role,
                 self._session,
                 self._address,

@@ -10,10 +10,13 @@ import msgspec
 from dtwin.bus.messages import State
 from dtwin.bus.proposals.messages import Kind, ProposalState
 from dtwin.bus.twin_messages import UNITS, IdentificationPhase, UnitState
+from dtwin.line.run import Mode
+from dtwin.line.twins.node import Ability
 from dtwin.monitoring.kinds import KINDS
 from dtwin.parameters import PARAMETER_NAMES, Law
 from dtwin.recovery.answers import MEASURES
 from dtwin.signals import MONITOR, STOPS, EventKind
+from dtwin.simulation.proposals.book import TWIN
 from dtwin.terminal import printable
 
 KEY: Final = "text_from_plant"
@@ -29,6 +32,10 @@ _HASH: Final = re.compile("[0-9a-f]{32}")
 _SERVICES: Final = (
     *("emulator", "bridge", "controller", "recorder", "identification", "monitoring", "simulation", "console"),
     *("supervisor", "operator", "dtwin"),
+)
+_LINE: Final = (
+    *("waits", "works", "stopped", "blocked", "home", "empty", "loaded", "charges", "finding", "set-up", "proposal"),
+    *("none possible", "repair", "overall twin", TWIN, *get_args(Ability), *get_args(Mode)),
 )
 WORDS: Final = frozenset(
     {
@@ -48,6 +55,7 @@ WORDS: Final = frozenset(
         *(MONITOR + kind for kind in EventKind),
         *(kind.cause for kind in KINDS.values()),
         *_SERVICES,
+        *_LINE,
     }
 )
 """Words of the project's own vocabulary, which say nothing but what they are: they need no mark."""
@@ -106,13 +114,14 @@ def _is_field(name: str) -> bool:
 def _fields() -> frozenset[str]:
     """The names of all fields of what is said on the bus and kept in files."""
     from dtwin.bus import messages, twin_messages
+    from dtwin.bus.line import messages as line
     from dtwin.bus.proposals import messages as proposals
     from dtwin.console.alarms import journal, states
     from dtwin.simulation import history
 
     kinds = (
         kind
-        for module in (messages, twin_messages, proposals, journal, states, history)
+        for module in (messages, twin_messages, line, proposals, journal, states, history)
         for kind in vars(module).values()
         if isinstance(kind, type) and issubclass(kind, msgspec.Struct)
     )

@@ -14,10 +14,16 @@ from dtwin.bus.messages import (
     DECIDE,
     IDENTIFY,
     LATCH,
+    LINE_LOOK,
+    LINE_PREDICT,
+    LINE_PROPOSE,
+    LINE_STATE,
+    LINE_STOP,
     LOOK,
     PREDICT,
     PROPOSE,
     ROLL_BACK,
+    SET_UP,
     STOP,
     SUMMARY,
     UPLOAD,
@@ -31,14 +37,24 @@ Profile = Literal["observe", "propose", "act"]
 """observe changes nothing; propose has a person approve; act changes settings itself, within limits."""
 PROFILES: Final[tuple[Profile, ...]] = get_args(Profile)
 """In the order of their rights: each may do what the ones before it may."""
-_LOOKING: Final = (SUMMARY, LOOK, PREDICT)
+CALLS: Final = 50
+"""Number of calls that are answered in a second."""
+_LOOKING: Final = (SUMMARY, LOOK, PREDICT, LINE_STATE, LINE_PREDICT, LINE_LOOK)
 RIGHTS: Final[dict[Profile, tuple[Topic, ...]]] = {
     "observe": _LOOKING,
-    "propose": (*_LOOKING, PROPOSE),
-    "act": (*_LOOKING, PROPOSE, UPLOAD, ROLL_BACK, STOP, LATCH, ACKNOWLEDGE, IDENTIFY, DECIDE),
+    "propose": (*_LOOKING, PROPOSE, LINE_PROPOSE),
+    "act": (
+        *(*_LOOKING, PROPOSE, UPLOAD, ROLL_BACK, STOP, LATCH, ACKNOWLEDGE, IDENTIFY, DECIDE),
+        *(LINE_PROPOSE, SET_UP, LINE_STOP),
+    ),
 }
 """The queries that each profile may ask; docs/zenoh.md has the same table, and the router of a secured cell."""
 M = TypeVar("M", bound=msgspec.Struct)
+
+
+def may(profile: Profile, needed: Profile) -> bool:
+    """Whether a profile may do what another one may."""
+    return PROFILES.index(profile) >= PROFILES.index(needed)
 
 
 def role_of(profile: Profile) -> str:
@@ -77,7 +93,8 @@ class Limits:
     Attributes:
         hourly: number of changes in any hour.
         pause: time between two changes, s.
-        factor: largest factor by which a gain, the target time or the mass of a box may change at a time, up or down.
+        factor: largest factor by which a gain, the target time or the mass of a box may change at a time, up or down,
+            and by which the boxes/h of a line may fall.
     """
 
     hourly: int = 12
@@ -130,6 +147,16 @@ class Allowance:
             if not (old / factor <= new <= old * factor or old == new):
                 low, high = old / factor, old * factor
                 raise ParameterError(f"{name}: limit: expected {low:.4g} to {high:.4g} at a time, got {new:.4g}")
+
+    def check_loss(self, name: str, before: float, after: float) -> None:
+        """Checks how far something falls at a time of which more is better.
+
+        Raises:
+            ParameterError: it is more than the limit.
+        """
+        least = before / self.limits.factor
+        if after < least:
+            raise ParameterError(f"{name}: limit: expected at least {least:.4g} at a time, got {after:.4g}")
 
     def check_gains(self, before: Gains, after: Gains) -> None:
         """Checks how far gains are changed at a time. Raises ParameterError."""

@@ -14,7 +14,7 @@ from mcp.types import ToolAnnotations
 from pydantic import ValidationError
 
 from dtwin.ai.audit import Noting
-from dtwin.ai.profiles import PROFILES, Profile
+from dtwin.ai.profiles import Profile, may
 from dtwin.ai.prompts import RULES, TASKS, Task
 from dtwin.ai.station import Station
 from dtwin.ai.tools.act import Acting
@@ -78,40 +78,46 @@ def make_server(station: Station, profile: Profile, noting: Noting, acting: Acti
         noting: notes the calls.
         acting: the tools that act, for that profile alone.
     """
-    server = NotedServer(noting, f"{SAYS[profile]} {RULES}")
+    server = NotedServer(noting, rules_of(profile))
     looking, asking = Looking(station), Asking(station)
     look = (
         *(looking.status, looking.findings, looking.events, looking.trends, looking.settings, looking.proposals),
         *(looking.alarms, looking.history, looking.models, looking.model, looking.documentation, looking.recordings),
         *(asking.what_if, asking.margins, asking.can_hold, asking.recovery_answer, asking.optimise),
     )
-    _add(server, noting, look)
+    offer(server, noting, look)
     pictures = Pictures(station)
-    _add(server, noting, (pictures.recording_picture,))
-    if _may(profile, "propose"):
+    offer(server, noting, (pictures.recording_picture,))
+    if may(profile, "propose"):
         made = Proposing(station)
         propose = (
             *(made.propose_settings, made.propose_answer, made.propose_acknowledgement),
             *(made.propose_stop, made.propose_diagnosis),
         )
-        _add(server, noting, propose, changes=True)
-    if _may(profile, "act"):
+        offer(server, noting, propose, changes=True)
+    if may(profile, "act"):
         assert acting is not None
         act = (acting.change_settings, acting.roll_back, acting.answer_findings, acting.acknowledge, acting.stop)
-        _add(server, noting, act, changes=True, destructive=True)
-        _add(server, noting, (acting.answers,))
-    for task in TASKS:
-        server.add_prompt(
-            Prompt.from_function(_asked(task), name=task.name, title=task.title, description=task.title)
-        )
+        offer(server, noting, act, changes=True, destructive=True)
+        offer(server, noting, (acting.answers,))
+    offer_prompts(server, TASKS)
     return server
 
 
-def _may(profile: Profile, needed: Profile) -> bool:
-    return PROFILES.index(profile) >= PROFILES.index(needed)
+def rules_of(profile: Profile) -> str:
+    """What a client is told first."""
+    return f"{SAYS[profile]} {RULES}"
 
 
-def _add(
+def offer_prompts(server: NotedServer, tasks: tuple[Task, ...]) -> None:
+    """Gives a server prompts."""
+    for task in tasks:
+        server.add_prompt(
+            Prompt.from_function(_asked(task), name=task.name, title=task.title, description=task.title)
+        )
+
+
+def offer(
     server: NotedServer,
     noting: Noting,
     tools: tuple[Callable[..., Any], ...],
@@ -119,6 +125,15 @@ def _add(
     changes: bool = False,
     destructive: bool = False,
 ) -> None:
+    """Gives a server tools whose calls are noted.
+
+    Args:
+        server: the server.
+        noting: notes the calls.
+        tools: the tools.
+        changes: whether they change something.
+        destructive: whether they may do so without a person.
+    """
     hints = ToolAnnotations(read_only_hint=not changes, destructive_hint=destructive, open_world_hint=False)
     for tool in tools:
         name = tool.__name__

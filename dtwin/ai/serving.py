@@ -13,7 +13,7 @@ from typing import Final
 
 from dtwin.ai.answering import Answering
 from dtwin.ai.audit import Noting
-from dtwin.ai.profiles import Allowance, Doors, Limits, Profile, Rate
+from dtwin.ai.profiles import CALLS, Allowance, Doors, Limits, Profile, Rate
 from dtwin.ai.server import Bearer, NotedServer, make_server
 from dtwin.ai.station import Station
 from dtwin.ai.tools.act import Acting
@@ -25,8 +25,6 @@ from dtwin.console.people.audit import Audit
 from dtwin.parameters import ROOT, ArmParameters
 from dtwin.task import DEFAULT_TASK, Task
 
-CALLS: Final = 50
-"""Number of calls that are answered in a second."""
 STDIO: Final = "stdio"
 
 
@@ -68,10 +66,12 @@ class Served:
     Attributes:
         server: the server.
         answering: what answers findings, for the profile that acts.
+        hub: what the cell says.
     """
 
     server: NotedServer
     answering: Answering | None
+    hub: Hub
 
 
 @contextmanager
@@ -87,7 +87,10 @@ def served(bus: Bus, place: Place, clocks: Clocks) -> Iterator[Served]:
     pages = ROOT / "docs"
     doors = Doors(bus, place.profile)
     station = Station(doors, hub, Trends(bus), clocks, place.who, place.files, place.alarms, pages)
-    noting = Noting(audit, station, place.profile, secrets.token_hex(4), place.address, Rate(CALLS, clocks.steady))
+    session, rate = secrets.token_hex(4), Rate(CALLS, clocks.steady)
+    noting = Noting(
+        audit, place.who, place.profile, session, place.address, rate, lambda: (clocks.wall(), hub.frame().time)
+    )
     hub.listen()
     answering = Answering(bus, place.healthy, place.who) if place.profile == "act" else None
     acting = None
@@ -95,7 +98,7 @@ def served(bus: Bus, place: Place, clocks: Clocks) -> Iterator[Served]:
         answering.start()
         acting = Acting(station, Allowance(place.limits, clocks.steady), answering)
     try:
-        yield Served(make_server(station, place.profile, noting, acting), answering)
+        yield Served(make_server(station, place.profile, noting, acting), answering, hub)
     finally:
         if answering is not None:
             answering.close()

@@ -80,7 +80,7 @@ def test_injected_instructions_change_nothing(joined: tuple[Bus, Bus], tmp_path:
             cell.say(text, number + 1)
             heard = until(
                 lambda text=text: [  # type: ignore[misc]
-                    each for each in served.server._noting._station.hub.state().events if each.text == text
+                    each for each in served.hub.state().events if each.text == text
                 ],
                 "the text is heard",
             )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 from typing import Annotated, Any, Final
 
 from pydantic import Field
@@ -156,16 +157,7 @@ class Looking:
         self, words: Annotated[str, Field(min_length=2, max_length=100, description="Words to look for")]
     ) -> dict[str, Any]:
         """Passages of the project's own documentation with the most of some words."""
-        wanted = set(re.findall(r"[a-z0-9_-]{2,}", words.lower()))
-        ranked = []
-        for page in sorted(self._station.pages.glob("*.md")):
-            for passage in re.split(r"\n(?=#)", page.read_text()):
-                lower = passage.lower()
-                if score := sum(word in lower for word in wanted):
-                    ranked.append((-score, len(passage), page.name, passage[:PASSAGE]))
-        if not ranked:
-            raise ParameterError(f"no page tells of {words[:LONGEST]!r}: expected other words")
-        return {"passages": [{"page": page, "text": text} for _, _, page, text in sorted(ranked)[:PASSAGES]]}
+        return passages(self._station.pages, words)
 
     def recordings(self) -> dict[str, Any]:
         """The names of the logs that `recording_picture` can draw."""
@@ -184,3 +176,25 @@ class Looking:
                 choices(names[:10]) if names else "there is none: `dtwin mcp --recordings FOLDER` names their folder"
             )
             raise ParameterError(f"recording {name[:LONGEST]!r}: expected {known}")
+
+
+def passages(pages: Path, words: str) -> dict[str, Any]:
+    """Passages of the documentation with the most of some words.
+
+    Args:
+        pages: folder of the documentation.
+        words: the words.
+
+    Raises:
+        ParameterError: no page has any of them.
+    """
+    wanted = set(re.findall(r"[a-z0-9_-]{2,}", words.lower()))
+    ranked = []
+    for page in sorted(pages.glob("*.md")):
+        for passage in re.split(r"\n(?=#)", page.read_text()):
+            lower = passage.lower()
+            if score := sum(word in lower for word in wanted):
+                ranked.append((-score, len(passage), page.name, passage[:PASSAGE]))
+    if not ranked:
+        raise ParameterError(f"no page tells of {words[:LONGEST]!r}: expected other words")
+    return {"passages": [{"page": page, "text": text} for _, _, page, text in sorted(ranked)[:PASSAGES]]}

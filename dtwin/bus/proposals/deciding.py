@@ -7,11 +7,26 @@ moves for a forged, repeated or late approval: whoever sends it would have to as
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Final
 
 import msgspec
 
-from dtwin.bus.messages import ACKNOWLEDGE, ANSWER, DECIDE_PROPOSAL, LOOK, UPLOAD, Done, StopRequest
-from dtwin.bus.proposals.messages import AnswerRequest, Kind, Look, Proposal, ProposalDecision
+from dtwin.bus.line.messages import SetUpDone
+from dtwin.bus.messages import (
+    ACKNOWLEDGE,
+    ANSWER,
+    DECIDE_PROPOSAL,
+    LINE_DECIDE,
+    LINE_LOOK,
+    LOOK,
+    SET_UP,
+    UPLOAD,
+    Done,
+    StopRequest,
+    Topic,
+)
+from dtwin.bus.proposals.messages import AnswerRequest, Kind, LineLook, Look, Proposal, ProposalDecision
 from dtwin.bus.session import Bus
 from dtwin.bus.stopping import stop
 from dtwin.bus.twin_messages import AcknowledgeRequest, MonitoringVerdict, Upload
@@ -22,14 +37,38 @@ Door = Callable[[Bus, Proposal, str], str | None]
 Raises DtwinError."""
 
 
-def find(bus: Bus, number: int) -> Proposal:
+@dataclass(frozen=True)
+class Kept:
+    """Who keeps proposals.
+
+    Attributes:
+        look: topic by which they are seen.
+        told: message that tells them.
+        decide: topic by which they are decided.
+    """
+
+    look: Topic
+    told: type[Look] | type[LineLook]
+    decide: Topic
+
+    def proposals(self, bus: Bus) -> tuple[Proposal, ...]:
+        """The newest proposals, oldest first. Raises CommunicationError."""
+        told: Look | LineLook = bus.ask(self.look, None, self.told)
+        return told.proposals
+
+
+CELL: Final = Kept(LOOK, Look, DECIDE_PROPOSAL)
+LINE: Final = Kept(LINE_LOOK, LineLook, LINE_DECIDE)
+
+
+def find(bus: Bus, number: int, kept: Kept = CELL) -> Proposal:
     """The proposal of a number.
 
     Raises:
         ParameterError: there is none.
         CommunicationError: nobody answers.
     """
-    told = bus.ask(LOOK, None, Look).proposals
+    told = kept.proposals(bus)
     for each in told:
         if each.number == number:
             return each
@@ -37,13 +76,14 @@ def find(bus: Bus, number: int) -> Proposal:
     raise ParameterError(f"proposal {number}: {known}")
 
 
-def decide(bus: Bus, decision: ProposalDecision, doors: Mapping[Kind, Door]) -> Proposal:
+def decide(bus: Bus, decision: ProposalDecision, doors: Mapping[Kind, Door], kept: Kept = CELL) -> Proposal:
     """Decides about a proposal, and has it carried out if it is approved.
 
     Args:
         bus: session of the person.
         decision: approve or decline, with the digest of what the person has seen.
         doors: what carries out each kind.
+        kept: who keeps the proposals.
 
     Returns:
         the proposal afterwards, with what came of it.
@@ -54,23 +94,23 @@ def decide(bus: Bus, decision: ProposalDecision, doors: Mapping[Kind, Door]) -> 
     """
     door = None
     if decision.action == "approve":
-        kind = find(bus, decision.number).request.kind
+        kind = find(bus, decision.number, kept).request.kind
         if (door := doors.get(kind)) is None:
             raise ParameterError(f"a proposal of the kind {kind}: approve it with `dtwin mcp approve`")
-    decided = bus.ask(DECIDE_PROPOSAL, decision, Proposal)
+    decided = bus.ask(kept.decide, decision, Proposal)
     if door is None:
         return decided
     try:
         outcome = door(bus, decided, decision.who)
     except DtwinError as error:
-        _report(bus, decision, f"not done: {error}")
+        _report(bus, kept, decision, f"not done: {error}")
         raise CommunicationError(f"proposal {decided.number} was approved and is not done: {error}") from None
-    return decided if outcome is None else _report(bus, decision, outcome)
+    return decided if outcome is None else _report(bus, kept, decision, outcome)
 
 
-def _report(bus: Bus, decision: ProposalDecision, outcome: str) -> Proposal:
+def _report(bus: Bus, kept: Kept, decision: ProposalDecision, outcome: str) -> Proposal:
     told = msgspec.structs.replace(decision, action="report", text=outcome[:1000])
-    return bus.ask(DECIDE_PROPOSAL, told, Proposal)
+    return bus.ask(kept.decide, told, Proposal)
 
 
 def _upload(bus: Bus, proposal: Proposal, who: str) -> str:
@@ -79,6 +119,14 @@ def _upload(bus: Bus, proposal: Proposal, who: str) -> str:
     why = f"proposal {proposal.number} of {proposal.request.who}: {proposal.request.why}"[:1000]
     done = bus.ask(UPLOAD, msgspec.structs.replace(change, who=who, why=why), Upload)
     return f"version {done.version} in force{', on trial' if done.on_trial else ''}"
+
+
+def _set_up(bus: Bus, proposal: Proposal, who: str) -> str:
+    change = proposal.request.set_up
+    assert change is not None
+    why = f"proposal {proposal.number} of {proposal.request.who}: {proposal.request.why}"[:1000]
+    done = bus.ask(SET_UP, msgspec.structs.replace(change, who=who, why=why), SetUpDone)
+    return f"version {done.version} of the set-up in force, {done.effect.rate:.1f} boxes/h expected"
 
 
 def _acknowledge(bus: Bus, proposal: Proposal, who: str) -> str:
@@ -101,5 +149,7 @@ def have_answered(bus: Bus, proposal: Proposal, who: str) -> None:
     bus.ask(ANSWER, AnswerRequest(proposal.number, who), Done)
 
 
+LINE_DOORS: Mapping[Kind, Door] = {"set-up": _set_up, "diagnosis": _agree}
+"""What carries out proposals at a line."""
 DOORS: Mapping[Kind, Door] = {"settings": _upload, "acknowledge": _acknowledge, "stop": _stop, "diagnosis": _agree}
 """What one request carries out; an answer takes several and a while: the recovery service has it, if it is there."""

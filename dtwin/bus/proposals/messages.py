@@ -16,7 +16,8 @@ from dtwin.signals import SCHEMA, Count, Line, Seconds, Word
 
 Kind = Literal["settings", "answer", "acknowledge", "stop", "diagnosis", "set-up"]
 """settings: other settings of the controller; answer: what recovery does about findings; acknowledge: a finding
-counts as normal; stop: a safe stop; diagnosis: words alone, for a person; set-up: of a line, its stations otherwise."""
+counts as normal; stop: a safe stop; diagnosis: words alone, for a person; set-up: which station of a line does
+what."""
 KINDS: Final[tuple[Kind, ...]] = get_args(Kind)
 ProposalState = Literal["open", "approved", "declined", "expired"]
 """approved: a person has taken it on, once; what came of it is told afterwards."""

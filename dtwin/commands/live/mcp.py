@@ -8,27 +8,35 @@ import secrets
 import socket
 import sys
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import tyro
 
 from dtwin.ai.profiles import Limits, Profile, role_of
-from dtwin.bus.messages import LOOK, SUMMARY, Summary
-from dtwin.bus.proposals.deciding import DOORS, decide, find, have_answered
-from dtwin.bus.proposals.messages import Look, Proposal, ProposalDecision
+from dtwin.bus.line.messages import FlowEffect
+from dtwin.bus.messages import SUMMARY, Summary
+from dtwin.bus.proposals.deciding import CELL, DOORS, LINE, LINE_DOORS, Door, Kept, decide, find, have_answered
+from dtwin.bus.proposals.messages import Kind, Proposal, ProposalDecision
+from dtwin.bus.session import Bus
 from dtwin.commands.live.audits import AuditOptions, outcome
 from dtwin.errors import ParameterError
 from dtwin.files import replacing
 from dtwin.identification.store import STORE, ModelStore, open_model
 from dtwin.names import check_name
+from dtwin.parameters import ArmParameters
 from dtwin.run.options import CellFileOption
 from dtwin.services import runfile
-from dtwin.services.runfile import join, kept
+from dtwin.services.runfile import join, join_line, kept
 from dtwin.simulation.history import HISTORY
-from dtwin.simulation.proposals.book import RECOVERY
+from dtwin.simulation.proposals.book import OWN
 from dtwin.terminal import print_json, printable
+
+if TYPE_CHECKING:
+    from dtwin.ai.server import NotedServer
+    from dtwin.console.hub import Clocks
 
 AUDIT: Final = Path("ai-audit.jsonl")
 MISSING: Final = "the interface to an AI needs packages that are not installed: pip install 'dtwin[mcp]'"
@@ -36,7 +44,7 @@ MISSING: Final = "the interface to an AI needs packages that are not installed: 
 
 @dataclass(frozen=True, kw_only=True)
 class McpCommand(CellFileOption):
-    """Serve a running cell to an AI by the Model Context Protocol, on standard input and output.
+    """Serve a running cell or line to an AI by the Model Context Protocol, on standard input and output.
 
     The AI can look and ask. With --profile propose it can propose, and a person approves at the console or with
     `dtwin mcp approve`; with --profile act it changes settings itself, within limits.
@@ -46,6 +54,8 @@ class McpCommand(CellFileOption):
     """Name of the cell."""
     arm: str = "arm"
     """Name of the arm, for a cell on another machine."""
+    line: str | None = None
+    """Name of a line, which is served in the place of a cell; see `dtwin line up`."""
     zenoh: Path | None = None
     """Zenoh configuration folder, for a cell on another machine; the file is that of the profile."""
     profile: Profile = "observe"
@@ -71,29 +81,28 @@ class McpCommand(CellFileOption):
     pause: float = Limits().pause
     """With --profile act: least time between two changes, s."""
     factor: float = Limits().factor
-    """With --profile act: largest factor by which a gain, the target time or a mass may change at a time."""
+    """With --profile act: largest factor by which a gain, the target time or a mass may change at a time, and by
+    which the boxes an hour of a line may fall."""
 
     def execute(self) -> int:
         try:
-            from dtwin.ai.serving import STDIO, Place, serve_http, served
+            from dtwin.ai.serving import Place, served
         except ImportError:
             raise ParameterError(MISSING) from None
         from dtwin.console.commands import Files
-        from dtwin.console.hub import Clocks
 
         check_name(self.who, "who")
-        if self.who == RECOVERY:
-            raise ParameterError(f"--who {self.who}: the recovery service proposes under it: expected another name")
+        if self.who in OWN:
+            raise ParameterError(f"--who {self.who}: a service proposes under it: expected another name")
         limits = Limits(self.hourly, self.pause, self.factor)
+        if self.line is not None:
+            return self._serve_line(self.line, limits)
         up = runfile.find(self.cell) if self.zenoh is None else None
         cell = self if up is None or self.cell_file else replace(self, cell_file=up.cell_file or None)
         store = self.store or kept(self.cell, "store", STORE)
         healthy = None if self.model is None else open_model(self.model, ModelStore(store)).arm
-        clocks = Clocks(time.monotonic, time.time)
         with join(self.cell, self.zenoh, role_of(self.profile), self.arm) as bus, socket.socket() as sock:
-            if self.http:
-                _listen(sock, self.port)
-            address = f"127.0.0.1:{sock.getsockname()[1]}" if self.http else STDIO
+            address = self._address(sock)
             place = Place(
                 self.cell,
                 self.arm if up is None else up.arm,
@@ -107,14 +116,35 @@ class McpCommand(CellFileOption):
                 cell.task(),
                 address,
             )
-            with served(bus, place, clocks) as found:
-                if self.http:
-                    token = _write_token(self.cell)
-                    print(f"http://{address}/mcp, profile {self.profile}; the token is in {token[0]}", flush=True)
-                    serve_http(found.server, sock, token[1])
-                else:
-                    found.server.run("stdio")
+            with served(bus, place, _clocks()) as found:
+                self._serve(found.server, sock, address, self.cell)
         return 0
+
+    def _serve_line(self, line: str, limits: Limits) -> int:
+        from dtwin.ai.lines.serving import LinePlace, line_server
+
+        with join_line(line, self.zenoh, role_of(self.profile)) as bus, socket.socket() as sock:
+            address = self._address(sock)
+            place = LinePlace(self.profile, self.who, self.audit, address, limits)
+            self._serve(line_server(bus, place, _clocks()), sock, address, line)
+        return 0
+
+    def _address(self, sock: socket.socket) -> str:
+        """Where the clients are. Raises ParameterError when the port is not free."""
+        if not self.http:
+            return "stdio"
+        _listen(sock, self.port)
+        return f"127.0.0.1:{sock.getsockname()[1]}"
+
+    def _serve(self, server: NotedServer, sock: socket.socket, address: str, name: str) -> None:
+        from dtwin.ai.serving import serve_http
+
+        if self.http:
+            token = _write_token(name)
+            print(f"http://{address}/mcp, profile {self.profile}; the token is in {token[0]}", flush=True)
+            serve_http(server, sock, token[1])
+        else:
+            server.run("stdio")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,12 +167,23 @@ class McpAudit(AuditOptions):
 
 @dataclass(frozen=True, kw_only=True)
 class _AtCell:
-    """The cell whose proposals are meant."""
+    """The cell or line whose proposals are meant."""
 
     cell: str = "cell"
     """Name of the cell."""
+    line: str | None = None
+    """Name of a line, in the place of a cell."""
     zenoh: Path | None = None
-    """Zenoh configuration file, for a cell on another machine."""
+    """Zenoh configuration file, for a cell or line on another machine."""
+
+    @property
+    def proposals_kept(self) -> Kept:
+        """Who keeps the proposals."""
+        return CELL if self.line is None else LINE
+
+    def joined(self) -> Bus:
+        """Its bus. Raises CommunicationError when it is not up."""
+        return join(self.cell, self.zenoh) if self.line is None else join_line(self.line, self.zenoh)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -153,8 +194,8 @@ class McpProposals(_AtCell):
     """Print one JSON object on standard output and nothing else."""
 
     def execute(self) -> int:
-        with join(self.cell, self.zenoh) as bus:
-            told = bus.ask(LOOK, None, Look).proposals
+        with self.joined() as bus:
+            told = self.proposals_kept.proposals(bus)
         if self.json:
             print_json({"proposals": told})
             return 0
@@ -189,12 +230,10 @@ class McpApprove(_Decision):
     """Folder of the identified models; that of the cell if not given."""
 
     def execute(self) -> int:
-        from dtwin.ai.approving import answering_door
-
         store = self.store or kept(self.cell, "store", STORE)
         healthy = None if self.model is None else open_model(self.model, ModelStore(store)).arm
-        with join(self.cell, self.zenoh) as bus:
-            seen = find(bus, self.number)
+        with self.joined() as bus:
+            seen = find(bus, self.number, self.proposals_kept)
             _show(seen)
             if not (self.yes or _agreed()):
                 print("not approved; it stays open")
@@ -202,10 +241,17 @@ class McpApprove(_Decision):
             decision = ProposalDecision(
                 seen.number, self.digest or seen.digest, self.who or getpass.getuser(), "approve"
             )
-            there = "recovery" in bus.ask(SUMMARY, None, Summary).services
-            answers = have_answered if there else answering_door(healthy)
-            _show(decide(bus, decision, {**DOORS, "answer": answers}))
+            _show(decide(bus, decision, self._doors(bus, healthy), self.proposals_kept))
         return 0
+
+    def _doors(self, bus: Bus, healthy: ArmParameters | None) -> Mapping[Kind, Door]:
+        """What carries out what is approved."""
+        from dtwin.ai.approving import answering_door
+
+        if self.line is not None:
+            return LINE_DOORS
+        there = "recovery" in bus.ask(SUMMARY, None, Summary).services
+        return {**DOORS, "answer": have_answered if there else answering_door(healthy)}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -216,13 +262,18 @@ class McpDecline(_Decision):
     """Reason, which the AI is told."""
 
     def execute(self) -> int:
-        with join(self.cell, self.zenoh) as bus:
-            seen = find(bus, self.number)
+        with self.joined() as bus:
+            seen = find(bus, self.number, self.proposals_kept)
             who = self.who or getpass.getuser()
-            _show(
-                decide(bus, ProposalDecision(seen.number, self.digest or seen.digest, who, "decline", self.why), {})
-            )
+            decision = ProposalDecision(seen.number, self.digest or seen.digest, who, "decline", self.why)
+            _show(decide(bus, decision, {}, self.proposals_kept))
         return 0
+
+
+def _clocks() -> Clocks:
+    from dtwin.console.hub import Clocks
+
+    return Clocks(time.monotonic, time.time)
 
 
 def _agreed() -> bool:
@@ -245,6 +296,8 @@ def _show(proposal: Proposal) -> None:
     became = ", ".join(part for part in (proposal.state, proposal.by, proposal.outcome) if part)
     print(printable(f"{proposal.number:4}  {proposal.time:.2f} s  {what} by {asked.who}: {became}"))
     print(printable(f"      because: {asked.why}"))
+    if proposal.flow is not None:
+        _show_flow(proposal.flow)
     if asked.text:
         print(printable(f"      says: {asked.text}"))
     if effect is not None:
@@ -253,6 +306,14 @@ def _show(proposal: Proposal) -> None:
         now = "refused" if effect.tracking_now is None else _list(effect.tracking_now)
         print(f"      farthest from the path {_list(effect.tracking)} mrad, in force {now}")
         print(f"      disk margin {effect.disk_margin:.2f}, in force {effect.disk_margin_now:.2f}")
+
+
+def _show_flow(flow: FlowEffect) -> None:
+    for line in flow.difference:
+        print(printable(f"      {line}"))
+    print(f"      {flow.rate:.1f} boxes/h expected, in force {flow.rate_now:.1f}")
+    for zone in flow.zones:
+        print(printable(f"      zone {zone.zone}: {zone.rate:.1f} boxes/h, in force {zone.rate_now:.1f}"))
 
 
 def _list(values: tuple[float, ...]) -> str:

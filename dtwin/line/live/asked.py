@@ -141,4 +141,3 @@ class AskedRun(LineRun):
     def _check_station(self, name: str) -> None:
         if name not in self.emulated:
             raise ParameterError(f"station: expected {choices(list(self.emulated))}, got {name!r}")
-

@@ -35,9 +35,7 @@ def state_of(run: AskedRun, late: int) -> LineState:
         )
     vehicles = [
         VehicleSeen(name, drives[name], _VEHICLES[doing], position, round(vehicle.battery, 1), vehicle.box)
-        for (name, vehicle), doing, position in zip(
-            plant.vehicles.items(), now.vehicles, now.positions, strict=True
-        )
+        for (name, vehicle), doing, position in zip(plant.vehicles.items(), now.vehicles, now.positions, strict=True)
     ]
     return LineState(
         line.name[:32],

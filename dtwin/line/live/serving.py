@@ -154,7 +154,7 @@ class LiveLine:
     def _check_version(self, seen: int) -> None:
         if seen != self._run.version:
             raise ParameterError(
-                f"based_on: the set-up has changed: expected version {self._run.version}, which is in force, got {seen}"
+                f"based_on: the set-up has changed: in force is version {self._run.version}, got {seen}"
             )
 
     def _lay(self, choice: Choice, why: str) -> None:
@@ -164,8 +164,6 @@ class LiveLine:
         request = SetUpRequest(TWIN, why[:1000], run.version, changes)
         try:
             self._book.make_room(run.time, run.version, TWIN)
-            self._book.add(
-                ProposalRequest(TWIN, why[:1000], "set-up", set_up=request), run.effect(changes), run.time
-            )
+            self._book.add(ProposalRequest(TWIN, why[:1000], "set-up", set_up=request), run.effect(changes), run.time)
         except DtwinError as error:
             log.error("the twins' proposal is not kept: %s", error)

@@ -34,7 +34,7 @@ TWIN: Final = "overall-twin"
 OWN: Final = (RECOVERY, TWIN)
 """Names under which nobody else proposes."""
 SPARED: Final = 2
-"""Number of both that all others leave to these two, so that nobody's proposals keep them from answering a finding."""
+"""Number of both that all others leave to these, so that no proposals keep them from answering a finding."""
 LONGEST: Final = 4500
 """Greatest size of what is proposed, bytes of its message."""
 TOLD: Final = 60_000
@@ -96,9 +96,7 @@ class Book:
             )
         self._checked.append(time)
 
-    def add(
-        self, request: ProposalRequest, effect: Effect | FlowEffect | None, time: float
-    ) -> Proposal:
+    def add(self, request: ProposalRequest, effect: Effect | FlowEffect | None, time: float) -> Proposal:
         """Keeps a proposal that has passed its checks, for which `make_room` found room.
 
         Raises:
