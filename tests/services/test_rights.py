@@ -32,6 +32,7 @@ SERVICES: Final = (
     "simulation",
     "recovery",
     "console",
+    "line",
 )
 ROLES: Final = (*SERVICES, "operator", "ai-observe", "ai-propose", "ai-act")
 PROBE: Final = b"a probe of rights"
