@@ -12,6 +12,7 @@ from typing import Any, Final
 from mcp import Client
 
 from dtwin.ai.answering import PASSES, STANDING, STOP
+from dtwin.ai.marking import KEY
 from dtwin.recovery.answers import MEASURES
 
 SETTLING: Final = 1.0
@@ -145,6 +146,45 @@ class Script:
         await self.call("stop", why=why[:500])
         self.stopped = True
         self.told.append(f"stops the arm: {why}")
+
+
+async def reconfigure(call: Call, pause: Callable[[], Awaitable[None]], end: float) -> dict[str, Any] | None:
+    """Waits at a line until an arm can no longer do its work, and proposes the best set-up for a person to approve.
+
+    Args:
+        call: calls a tool of a server at a line.
+        pause: lets time pass between two looks.
+        end: plant time until which it waits, s.
+
+    Returns:
+        the proposal; None when all arms can do their work until then.
+    """
+    while True:
+        now = await call("status")
+        weak = [each for each in (await call("stations"))["stations"] if each["ability"] != "all"]
+        if weak:
+            break
+        if now["time"] >= end:
+            return None
+        await pause()
+    best = await call("best_set_up")
+    before, after = _pairs(now["set_up"]), _pairs(best["set_up"])
+    changes = {operation: station for operation, station in after.items() if before[operation] != station}
+    names = " and ".join(f"{plain(each['name'])} can do {plain(each['ability'])}" for each in weak)
+    why = f"{names}; {best['rate']:.1f} boxes/h are expected instead of {best['rate_now']:.1f}"
+    return await call("propose_set_up", why=why, based_on=now["version"], set_up=changes)
+
+
+def plain(text: str | dict[str, str]) -> str:
+    """A text of an answer, whether or not it is marked as one of the plant."""
+    return text if isinstance(text, str) else text[KEY]
+
+
+def _pairs(entries: list[dict[str, Any]] | dict[str, Any]) -> dict[str, str]:
+    """An object of an answer whose keys may be marked."""
+    if isinstance(entries, dict):
+        return {name: plain(value) for name, value in entries.items()}
+    return {plain(each["name"]): plain(each["value"]) for each in entries}
 
 
 def _place(measure: str) -> int:
