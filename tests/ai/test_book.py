@@ -16,6 +16,7 @@ from dtwin.simulation.proposals.book import (
     LONGEST,
     MOST_CHECKED,
     MOST_OPEN,
+    OWN,
     RECOVERY,
     SPARED,
     Book,
@@ -164,7 +165,8 @@ def test_a_proposal_of_too_many_bytes_is_refused() -> None:
         check_form(ProposalRequest("ai", "漢" * 1000, "diagnosis", text="漢" * 1000))
 
 
-def test_nobody_else_proposes_under_the_name_of_recovery(capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize("name", OWN)
+def test_nobody_else_proposes_under_the_name_of_a_service(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("mcp", reason="pip install 'dtwin[mcp]'")
-    assert main(["mcp", "--who", RECOVERY]) == 2
-    assert "the recovery service proposes under it" in capsys.readouterr().err
+    assert main(["mcp", "--who", name]) == 2
+    assert "a service proposes under it" in capsys.readouterr().err

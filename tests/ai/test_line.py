@@ -93,8 +93,12 @@ class Running:
         """Lets the line run until something is so, at most to its end."""
         while not until(state := self.state()):
             assert not self.line.over
-            self.live._between(lambda: [self.line.step() for _ in range(10)])
+            self.live._between(self._step)
         return state
+
+    def _step(self) -> None:
+        for _ in range(10):
+            self.line.step()
 
     def state(self) -> LineState:
         return self.bus.ask(LINE_STATE, None, LineState)
@@ -167,7 +171,7 @@ def test_a_profile_has_its_tools_and_no_others(
 
 def test_it_asks_what_another_set_up_would_bring_and_changes_nothing(running: Running, tmp_path: Path) -> None:
     async def ask(client: Client) -> Any:
-        calls = [
+        calls: list[tuple[str, dict[str, Any]]] = [
             ("what_if", {"set_up": {"press": "left"}}),
             ("what_if", {"set_up": {"paint": "left"}}),
             ("what_if", {"set_up": {"press": "middle"}}),
@@ -219,7 +223,7 @@ def test_nothing_moves_without_the_approval_of_what_was_seen(running: Running, t
         (SET_UP, SetUpRequest("carol", "forged", 0, {"press": "left"}), SetUpDone),
     ):
         with pytest.raises(CommunicationError):
-            running.stranger.ask(topic, message, reply, 1.0)  # type: ignore[type-var]
+            running.stranger.ask(topic, message, reply, 1.0)
     assert (running.state().version, running.state().set_up["press"]) == (0, "right")
     done = approve(running, mine.number)
     assert done.outcome == "version 1 of the set-up in force, 30.0 boxes/h expected"
@@ -286,10 +290,11 @@ def test_a_script_finds_a_failed_arm_and_proposes_where_its_work_goes(tmp_path: 
         assert after.stations[1].box
 
 
-def test_injected_instructions_change_nothing(running: Running, tmp_path: Path) -> None:
+@pytest.mark.parametrize("every", [10, pytest.param(1, marks=pytest.mark.thorough)])
+def test_injected_instructions_change_nothing(running: Running, tmp_path: Path, every: int) -> None:
     async def converse(client: Client) -> list[str]:
         offered, leaked = await tools(client), []
-        for text in INJECTIONS:
+        for text in INJECTIONS[::every]:
             running.bus.ask(LINE_STOP, StationWord(text[:32], text, "left"), LineState)
             for name in ("decisions", "stations", "status"):
                 answer = (await client.call_tool(name, {})).structured_content
