@@ -123,6 +123,8 @@ def test_history_is_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
         (["history", "--file", "/nowhere.jsonl"], "there is no history yet"),
         (["demo", "recovery", "--runs", "0"], "--runs: expected at least 1"),
         (["demo", "recovery", "--fault", "K9*=2"], "unknown fault target"),
+        (["demo", "recovery", "--commissioned", "nothere.json"], "nothere.json"),
+        (["experiment", "recovery", "--commissioned", "a.json", "--machines", "2"], "expected without --machines"),
         (["experiment", "recovery", "--runs", "0"], "--runs: expected at least 1"),
         (["experiment", "accuracy", "--runs", "0"], "--runs: expected at least 1"),
         (["upload", "target", "--why", "x", "--time", "1", "--cell", "nowhere"], "is not up on this machine"),

@@ -19,7 +19,8 @@ from dtwin.experiments.recovery.campaign import RecoveryTrial, passed, recovery_
 from dtwin.experiments.recovery.cases import DRAWS, RecoveryCase, drawn_case
 from dtwin.experiments.recovery.demonstration import PUSH_AFTER, make_faults, parse_faults
 from dtwin.experiments.recovery.expected import expected_of, kind_of, made_of
-from dtwin.experiments.recovery.known import KnownArm
+from dtwin.experiments.recovery.known import KnownArm, recorded_arm
+from dtwin.identification.machine.record import write_record
 from dtwin.parameters import ArmParameters
 from dtwin.recovery.answers import ANSWERS
 from dtwin.recovery.desk import Desk
@@ -119,6 +120,14 @@ def test_what_is_expected_is_of_the_model_that_the_controller_has_when_a_fault_b
         expected_of(late, record.arm, each, record.effects, record=record) for each in (settings, believed)
     )
     assert unknown.distance > 1.2 * known.distance, "a controller that knows less tracks worse"
+
+
+def test_an_arm_that_was_commissioned_before_is_known_from_its_record(tmp_path: Path) -> None:
+    record, file = recorded(Effects(delay=0.01)), tmp_path / "record.json"
+    write_record(record, file)
+    known = recorded_arm(file)
+    assert known == KnownArm(record.arm, file, record)
+    assert known.used(CellOptions()).commissioned == file
 
 
 def test_a_fault_without_an_answer_is_refused() -> None:

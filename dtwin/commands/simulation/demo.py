@@ -14,6 +14,7 @@ from rich.table import Table
 from dtwin.campaign.spread import Progress
 from dtwin.commands.frame import ExperimentCommand, JsonOption, OnMachine, at_least, progress_bar
 from dtwin.emulation.machine.sections import IDEAL
+from dtwin.errors import ParameterError
 from dtwin.experiments.recovery.campaign import RecoveryTrial, passed, recovery_experiment, recovery_report
 from dtwin.experiments.recovery.cases import RecoveryCase
 from dtwin.experiments.recovery.demonstration import LIMIT, LONGEST, parse_faults, recover
@@ -50,6 +51,9 @@ class DemoRecovery(JsonOption, MachineOption):
     """Pace of the cell: lockstep (as fast as every tick has its answer), realtime, or free (no tick waits)."""
     controller: str = "embedded"
     """Controller of the cell: embedded, or forte://HOST:PORT, the 4diac FORTE to deploy to."""
+    commissioned: Path | None = None
+    """Record of `dtwin commission --out` of this arm, from which it is known; without it the arm is identified first,
+    an ideal one by an experiment, any other one from its work."""
     record: Path | None = None
     """File for a recording of the first run for the Rerun viewer, with the time line among its events."""
     log: Path | None = None
@@ -82,6 +86,7 @@ class DemoRecovery(JsonOption, MachineOption):
             seed=seed,
             noise=self.noise,
             machine=self.machine,
+            commissioned=self.commissioned,
             log=self.log if first else None,
             record=self.record if first else None,
             cell=f"recovery-{os.getpid()}",
@@ -118,13 +123,24 @@ class ExperimentRecovery(ExperimentCommand[list[RecoveryTrial]], OnMachine):
     controller: str = "embedded"
     """Controller of the cells: embedded, or forte://HOST:PORT, the 4diac FORTE to deploy to."""
 
+    commissioned: Path | None = None
+    """Record of `dtwin commission --out` of this arm, from which it is known; without it the arm is identified first,
+    an ideal one by an experiment, any other one from its work."""
+
     def measure(self, progress: Progress) -> list[RecoveryTrial]:
         at_least("--runs", self.runs, 1)
         at_least("--machines", self.machines, 0)
+        if self.machines and self.commissioned is not None:
+            raise ParameterError("--commissioned: expected without --machines, since a record is of one arm")
         ideal = self.machine == IDEAL.name and not self.machines
         noise = (0.002 if ideal else 0.0) if self.noise is None else self.noise
         options = CellOptions(
-            pace=self.pace, seed=self.seed, noise=noise, machine=self.machine, controller=self.controller
+            pace=self.pace,
+            seed=self.seed,
+            noise=noise,
+            machine=self.machine,
+            controller=self.controller,
+            commissioned=self.commissioned,
         )
         return recovery_experiment(options, self.runs, untouched(self.first, self.machines), progress)
 

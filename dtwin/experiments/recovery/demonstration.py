@@ -16,7 +16,7 @@ from dtwin.errors import CommunicationError, ParameterError
 from dtwin.experiments.recovery.cases import RecoveryCase, grown_friction
 from dtwin.experiments.recovery.expected import expected_of, kind_of, made_of
 from dtwin.experiments.recovery.healthy import healthy_run
-from dtwin.experiments.recovery.known import KnownArm, known_arm
+from dtwin.experiments.recovery.known import KnownArm, known_arm, recorded_arm
 from dtwin.experiments.recovery.outcome import Recovery, Story, judge
 from dtwin.logs.reading import read_log
 from dtwin.parameters import PERIOD
@@ -60,14 +60,15 @@ def recover(
     """Starts a cell with all services, makes faults, and has them answered.
 
     Args:
-        options: what the cell is run with.
+        options: what the cell is run with; the healthy arm is known from its record, if it names one.
         case: what happens to the cell; grown friction, drawn with the seed of the cell, if None.
         progress: told the plant time, s.
-        known: what is known of the healthy arm; identified first if None.
+        known: what is known of the healthy arm; identified first if None and without a record.
         played: makes the faults and has them answered; by the operator if None.
 
     Raises:
         FaultError: there is no right answer to a fault.
+        ModelError: the file of the record is none.
         IdentificationError: the model of the healthy arm cannot be identified.
         CommunicationError: the cell does not come up.
         KeyboardInterrupt: the cell was asked to stop.
@@ -78,7 +79,8 @@ def recover(
         kind_of(fault)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        healthy = known or known_arm(options.settings(), folder, generator)
+        recorded = None if options.commissioned is None else recorded_arm(options.commissioned)
+        healthy = known or recorded or known_arm(options.settings(), folder, generator)
         log_file = options.log or folder / "run.parquet"
         complete = replace(
             healthy.used(replace(options, monitoring=True)),

@@ -15,7 +15,7 @@ from dtwin.controller.settings import ControlSettings
 from dtwin.emulation.machine.sections import IDEAL
 from dtwin.experiments.identification.standard import standard_estimate
 from dtwin.identification.excitation.rig import Rig
-from dtwin.identification.machine.record import MachineRecord, write_record
+from dtwin.identification.machine.record import MachineRecord, read_record, write_record
 from dtwin.identification.model import write_model
 from dtwin.identification.result import from_estimate
 from dtwin.parameters import PERIOD, ArmParameters
@@ -89,4 +89,14 @@ def known_arm(settings: CellSettings, folder: Path, generator: np.random.Generat
     stages = Stages(None, "", lambda text: None)
     record = commission(stages, motion, lambda: log, ArmParameters(), "its work", lambda text: None).record
     write_record(record, file)
+    return KnownArm(record.arm, file, record)
+
+
+def recorded_arm(file: Path) -> KnownArm:
+    """The arm of a cell that was commissioned before.
+
+    Raises:
+        ModelError: the file is no record.
+    """
+    record = read_record(file)
     return KnownArm(record.arm, file, record)
