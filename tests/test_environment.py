@@ -1,6 +1,7 @@
 """The environment of the checkout: whatever ends its making, the next call has a whole one."""
 
 import importlib.util
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -115,3 +116,23 @@ def test_a_folder_of_the_name_beside_a_script_does_not_hide_the_package(tmp_path
     script.write_text("import dtwin\nprint(dtwin.__version__)\n")
     ran = subprocess.run([sys.executable, str(script)], cwd=tmp_path, capture_output=True, text=True)
     assert ran.returncode == 0, ran.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "extras"),
+    [
+        ("run --machine servo", ["console,sbom"]),
+        ("mcp", ["console,sbom", "mcp"]),
+        ("mcp approve 1", ["console,sbom", "mcp"]),
+        ("film run.parquet run.mp4 --end 3", ["console,sbom", "film"]),
+        ("film run.parquet run.gif", ["console,sbom"]),
+    ],
+)
+def test_what_few_commands_need_is_installed_when_they_are_called(
+    words: str, extras: list[str], tmp_path: Path
+) -> None:
+    """environment.sh stands for itself: it says what it is asked for, and its python says the words."""
+    shutil.copy(ROOT / "scripts" / "dtwin", tmp_path)
+    (tmp_path / "environment.sh").write_text('prepare() { echo "$1"; }\npython=echo\n')
+    done = subprocess.run(["sh", tmp_path / "dtwin", *words.split()], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines() == [*extras, f"-m dtwin {words}"]

@@ -252,6 +252,9 @@ def test_the_commands_of_a_page_run_in_order(
     page: str, given: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    if page == "README.md":  # what a new user does first works in an empty home, too
+        monkeypatch.setenv("HOME", str(tmp_path / "home"))
+        monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
     shutil.copy(given, "run.parquet")
     (tmp_path / "fb").symlink_to(ROOT / "fb")
     for block, line in LINES:

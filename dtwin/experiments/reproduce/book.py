@@ -24,8 +24,10 @@ from dtwin.pictures import new_figure, vector_graphics
 
 PARTS: Final = (VERIFICATION, NOISE, MASS, FRICTION, FITS, ACCURACY, UPLOAD, LIMITS, FAILURE)
 """The thesis's tests in its order."""
-THESIS: Final = "J. Lesage, Digital Twins for Distributed Control Systems in IEC 61499, thesis"
-"""What is measured again: author and title."""
+THESIS: Final = (
+    "J. Lesage, Digital Twins for Distributed Control Systems in IEC 61499, thesis (its text gives no year)"
+)
+"""What is measured again: author and title, and why there is no year."""
 PAGE: Final = "reproduction.html"
 PRINT: Final = "reproduction.pdf"
 NUMBERS: Final = "numbers"
@@ -121,7 +123,8 @@ def _made(scope: Scope) -> str:
         else "as many runs as the thesis, or more"
     )
     return (
-        f"The evaluation of {THESIS}. Made with {runs}. "
+        f"The evaluation of {THESIS}. "
+        f"Of its curves only numbers are known, which stand beside ours. Made with {runs}. "
         f"Seed {scope.seed}; equal seeds give equal numbers, but for times that are said to be "
         f"this machine's. {versions()}. Numbers are in the "
         f"folder {NUMBERS} beside this page."
