@@ -245,13 +245,22 @@ def _joint(file: _File, edge: _Edge, rotation: Array, translation: Array) -> Joi
     limit = edge.element.find("limit")
     bounds: dict[str, Any] = {}
     if limit is not None:
-        bounds = {ours: file.number(limit, name) for name, ours in _BOUNDS.items() if limit.get(name)}
+        bounds = {"lower": 0.0, "upper": 0.0}  # as URDF says of what is left out
+        bounds |= {ours: file.number(limit, name) for name, ours in _BOUNDS.items() if limit.get(name)}
+        bounds = {name: value for name, value in bounds.items() if name not in _UNSAID or value > 0.0}
+        if bounds["lower"] == bounds["upper"] == 0.0:
+            bounds |= {"lower": -np.inf, "upper": np.inf}
+        if not bounds["lower"] < bounds["upper"]:
+            got = f"{bounds['lower']:g} and {bounds['upper']:g}"
+            raise file.error(limit, f"joint {edge.name}: expected lower below upper, got {got}")
     if edge.kind == "continuous":
         bounds |= {"lower": -np.inf, "upper": np.inf}
     return Joint(edge.name, _KINDS[edge.kind], axis / length, rotation, translation, **bounds)
 
 
 _BOUNDS: Final = {"lower": "lower", "upper": "upper", "velocity": "speed", "effort": "effort"}
+_UNSAID: Final = ("speed", "effort")
+"""What files that do not know it give as 0, as they do with both ends of a range."""
 
 
 def _welded(file: _File, link: str, chain: set[str]) -> tuple[_Body, list[str]]:

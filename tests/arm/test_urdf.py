@@ -7,7 +7,10 @@ import numpy as np
 import pytest
 
 from dtwin.arm.chain import Link
+from dtwin.arm.file import missing
 from dtwin.arm.urdf import read_urdf
+from dtwin.cli import main
+from dtwin.emulation.chain.arms import arm_of
 from dtwin.errors import ModelError
 
 INERTIAL = '<inertial><mass value="2"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
@@ -126,3 +129,41 @@ def test_an_entity_reads_no_other_file(tmp_path: Path) -> None:
     with pytest.raises(ModelError) as error:
         read_urdf(file)
     assert "hidden" not in str(error.value)
+
+
+LIGHT = """<robot name="light"><link name="base"/>
+<link name="rod"><inertial><origin xyz="0 0 {centre}"/><mass value="0.1"/>
+<inertia ixx="1e-9" iyy="1e-9" izz="1e-9" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="turn" type="revolute"><parent link="base"/><child link="rod"/><axis xyz="0 1 0"/>{limit}</joint>
+</robot>"""
+
+
+def test_zeros_in_place_of_limits_are_not_known(tmp_path: Path) -> None:
+    file = tmp_path / "light.urdf"
+    file.write_text(LIGHT.format(centre=0.1, limit='<limit lower="0" upper="0" velocity="0" effort="0"/>'))
+    assert main(["arm", "import", str(file)]) == 0
+    joint = arm_of(str(tmp_path / "light.toml")).joints[0]
+    assert (joint.lower, joint.upper, joint.speed, joint.effort) == (-np.inf, np.inf, np.inf, np.inf)
+    assert "joints.turn.speed" in missing(arm_of(str(tmp_path / "light.toml")))
+
+
+def test_an_empty_range_is_refused_before_anything_is_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "light.urdf"
+    file.write_text(LIGHT.format(centre=0.1, limit='<limit lower="1" upper="-1" velocity="1" effort="1"/>'))
+    assert main(["arm", "import", str(file)]) == 2
+    assert "light.urdf:4: joint turn: expected lower below upper, got 1 and -1" in capsys.readouterr().err
+    assert not (tmp_path / "light.toml").exists()
+
+
+@pytest.mark.parametrize(("centre", "status"), [(0.1, 0), (0.005, 1)])
+def test_a_loop_that_would_fall_over_is_told_by_check(
+    centre: float, status: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    limit = '<limit lower="-3" upper="3" velocity="3" effort="5"/>'
+    (tmp_path / "light.urdf").write_text(LIGHT.format(centre=centre, limit=limit))
+    drive = '[joints.turn]\ncommanded = "N m"\nlimit = 5\nacceleration = 5.0\n'
+    (tmp_path / "light.toml").write_text(f'model = "light.urdf"\n{drive}')
+    assert main(["arm", "check", str(tmp_path / "light.toml")]) == status
+    assert ("the loop is not stable" in capsys.readouterr().out) is bool(status)

@@ -15,9 +15,11 @@ from dtwin.arm.chain import Arm
 from dtwin.arm.file import FOLDER, SUFFIX, names
 from dtwin.arm.text import findings, imported, summary
 from dtwin.commands.frame import JsonOption
+from dtwin.controller.chain.application import Control
 from dtwin.emulation.chain.arms import arm_of, chain_of
 from dtwin.errors import DtwinError, ModelError
 from dtwin.files import ensure_writable, replacing
+from dtwin.simulation.margins.chain import margins
 from dtwin.terminal import as_text, print_json, print_table, printable
 
 
@@ -75,7 +77,7 @@ class ArmCheck:
 
     def execute(self) -> int:
         arm = arm_of(self.arm)
-        found = findings(arm)
+        found = findings(arm) or _unstable(arm)
         _print([*summary(arm), *(found or ["it can be driven"])])
         return 1 if found else 0
 
@@ -99,6 +101,17 @@ class ArmList(JsonOption):
             table.add_row(as_text(name), as_text(line))
         print_table(table)
         return 0
+
+
+def _unstable(arm: Arm) -> list[str]:
+    """Why the loop would fall over at some of the drawn poses, as lines for people; nothing if it does not."""
+    if all(each.stable for each in margins(arm, Control())):
+        return []
+    return [
+        "the loop is not stable at all poses: bodies are so light that gravity moves them faster than the feedback "
+        f"of {Control().pole:g} rad/s; motors and gears are not in the model: add rotor, gear and viscous",
+        f"`dtwin margins --arm {arm.name}` tells by how much",
+    ]
 
 
 def as_object(arm: Arm) -> dict[str, Any]:

@@ -156,7 +156,8 @@ def _print(result: ChainRun, log: Path | None, record: Path | None) -> None:
             f"{1e3 * boxes['placement_error_mean']:.2f} mm on average"
         )
     if score["stop"]:
-        lines["stop"] = f"safe stop {score['stop']} is in force: a joint left its path"
+        hint = "`dtwin arm check` tells whether its loop is stable"
+        lines["stop"] = f"safe stop {score['stop']} is in force: a joint left its path; {hint}"
     if log is not None:
         lines["log"] = str(log)
     if record is not None:
