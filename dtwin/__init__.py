@@ -8,6 +8,7 @@ import os
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from dtwin.api.arms import run_arm as run_arm
     from dtwin.api.cell import Cell as Cell
     from dtwin.api.identification import Identified as Identified
     from dtwin.api.identification import identify as identify
@@ -44,6 +45,7 @@ _MODULES = {
     "from_arrays": "api.run",
     "identify": "api.identification",
     "Identified": "api.identification",
+    "run_arm": "api.arms",
     "identify_chain": "api.measurements",
     "read_arm": "api.measurements",
     "read_log": "api.measurements",

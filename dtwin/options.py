@@ -180,6 +180,11 @@ _WORDS: Final[Sequence[tuple[str, str | Callable[[re.Match[str]], str]]]] = (
     (r"Could not parse arguments \[(.*)\] into tuple type .*", r"expected numbers, got \1"),
     (r"^expected (STR|PATH|INT|FLOAT): ", "expected one word more: "),
     (r"^(STR|PATH|INT|FLOAT): ", ""),
+    (
+        r"^Unrecognized options: (--arm\b.*)$",
+        r"\1: this knows the arm of the thesis alone: expected `dtwin run`, `arm`, `fb make`, `margins`, `identify` "
+        "or `experiment arms` with another arm",
+    ),
     (r"^Unrecognized options: ", "unknown option or too many words: "),
 )
 """What the parser says, and how it is said here."""

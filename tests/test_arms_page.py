@@ -17,7 +17,7 @@ from dtwin.cli import main
 from dtwin.parameters import ROOT
 
 PAGE = (ROOT / "docs" / "arms.md").read_text()
-FILES = {"xml": ("mine.urdf",), "toml": ("mine.toml", "poses.toml", "sort.toml"), "csv": ("path.csv",)}
+FILES = {"xml": ("mine.urdf",), "toml": ("mine.toml", "poses.toml", "sort.toml", "cell.toml"), "csv": ("path.csv",)}
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any, Final, Literal, TypeVar
+from typing import Any, Final, Literal, TypeVar, cast
 
 import msgspec
 
@@ -152,15 +152,29 @@ def load(path: Path) -> CellFile:
         ModelError: the file cannot be read, or holds what no cell has; names the file and the key.
         ParameterError: a value is out of range, or the arm cannot reach a place, or not hold a box there.
     """
-    try:
-        content = msgspec.toml.decode(_content(path))
-    except (msgspec.MsgspecError, ValueError) as error:
-        raise ModelError(f"{path}: expected a cell: {error}") from None
+    content = _decoded(path)
     try:
         return _cell(content, path.parent)
     except DtwinError as error:
         kind = ModelError if isinstance(error, ModelError) else ParameterError
         raise kind(f"{path}: {error}") from None
+
+
+def content_of(text: str) -> tuple[Path, dict[str, Any]]:
+    """The file that a name or a path stands for, and what is in it, whatever cell it is.
+
+    Raises:
+        ModelError: there is no such cell, or its file cannot be read.
+    """
+    path = _path(text)
+    return path, _decoded(path)
+
+
+def _decoded(path: Path) -> dict[str, Any]:
+    try:
+        return cast(dict[str, Any], msgspec.toml.decode(_content(path)))
+    except (msgspec.MsgspecError, ValueError) as error:
+        raise ModelError(f"{path}: expected a cell: {error}") from None
 
 
 def _path(text: str) -> Path:
@@ -185,6 +199,11 @@ def _content(path: Path) -> bytes:
 
 
 def _cell(content: dict[str, Any], folder: Path) -> CellFile:
+    if isinstance(content.get("arm"), str):
+        raise ModelError(
+            f"arm: {content['arm']!r} is another arm than the thesis's, which this does not know yet: expected "
+            "`dtwin run --cell-file`, or `dtwin run`, `fb make`, `margins`, `arm excite` and `identify` with the arm"
+        )
     _check_keys("", content, _KEYS)
     for section in _SECTIONS:
         if not isinstance(content.get(section, {}), dict):

@@ -5,38 +5,40 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from dataclasses import MISSING, fields
+from dataclasses import MISSING, fields, replace
 from pathlib import Path
 from typing import Any, Final
 
-import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
-from dtwin.arm.chain import Arm
-from dtwin.arm.poses import Poses, drawn_poses, read_poses
-from dtwin.arm.sorting import Sorting, read_sorting
 from dtwin.commands.hints import viewer_command
-from dtwin.controller.chain.application import Control
-from dtwin.emulation.chain.arms import arm_of
-from dtwin.emulation.chain.machine import IDEAL, machine_of
-from dtwin.emulation.generators import check_seed
 from dtwin.errors import ParameterError
 from dtwin.files import LOG, RECORDING, ensure_writable
-from dtwin.run.chain import ChainRun, ChainSettings, run, sorting_poses
-from dtwin.run.following import read_path
+from dtwin.run.arm_cell import ArmCell, arm_cell_of
+from dtwin.run.chain import ChainRun, run
 from dtwin.terminal import print_json, printable
 
 THESIS: Final = "thesis"
 """The arm of a run without --arm."""
 KNOWN: Final = frozenset(
-    {"arm", "poses", "path", "sort", "late", "machine", "seed", "duration", "log", "record", "json", "runtime"}
+    {
+        "arm",
+        "cell_file",
+        "poses",
+        "path",
+        "sort",
+        "late",
+        "machine",
+        "seed",
+        "duration",
+        "log",
+        "record",
+        "json",
+        "runtime",
+    }
 )
 """Options of `dtwin run` that mean something for any arm."""
-LONGEST: Final = 86_400.0
-"""Longest run, s: all its ticks are kept in memory."""
-_DRAWN: Final = 6
-"""Number of poses that are drawn where none are given."""
 
 
 def refuse_others(options: Any) -> None:
@@ -48,63 +50,47 @@ def refuse_others(options: Any) -> None:
     for field in fields(options):
         default = field.default_factory() if field.default_factory is not MISSING else field.default
         if field.name not in KNOWN and getattr(options, field.name) != default:
-            known = ", ".join(f"--{name}" for name in sorted(KNOWN - {"arm"}))
+            known = ", ".join(f"--{name.replace('_', '-')}" for name in sorted(KNOWN - {"arm"}))
             name = field.name.replace("_", "-")
-            raise ParameterError(f"--{name}: has no meaning for --arm {options.arm}: expected {known}")
+            raise ParameterError(f"--{name}: has no meaning for another arm than the thesis's: expected {known}")
 
 
-def poses_for(arm: Arm, file: Path | None, seed: int) -> Poses:
-    """The poses of a file, or some that are drawn from the ranges of the joints, again and again.
+def other_cell(options: Any) -> ArmCell | None:
+    """The cell of another arm that --arm or --cell-file stands for; None for the thesis's.
+
+    What an option says counts instead of what the file says.
 
     Raises:
-        ParameterError: the file cannot be used.
+        ModelError: the file cannot be read.
     """
-    if file is not None:
-        return read_poses(file, arm)
-    drawn = drawn_poses(arm, _DRAWN, np.random.default_rng(seed))
-    return Poses(drawn.positions, 0.3, True)
+    found = None if options.cell_file is None else arm_cell_of(options.cell_file)
+    if found is None and options.arm == THESIS:
+        return None
+    own = ArmCell(arm=options.arm) if found is None or options.arm != THESIS else found
+    task = {name: getattr(options, name) for name in ("poses", "path", "sort")}
+    if any(each is not None for each in task.values()):
+        own = replace(own, **task)
+    return replace(own, machine=options.machine or own.machine, late=options.late or own.late)
 
 
-def _task(arm: Arm, options: Any, sorting: Sorting | None) -> Poses:
-    if sorting is not None:
-        return sorting_poses(arm, sorting)
-    return poses_for(arm, options.poses, options.seed) if options.path is None else read_path(options.path, arm)
-
-
-def run_arm(options: Any, interruption: Callable[[], AbstractContextManager[Any]]) -> int:
-    """Runs the arm of --arm; returns the exit status.
+def run_arm(cell: ArmCell, options: Any, interruption: Callable[[], AbstractContextManager[Any]]) -> int:
+    """Runs the cell of another arm; returns the exit status.
 
     Args:
+        cell: the cell.
         options: those of `dtwin run`.
         interruption: turns Ctrl-C into an attribute `requested`.
     """
     refuse_others(options)
-    check_seed(options.seed)
-    if not 0 <= options.late <= 10:
-        raise ParameterError(f"--late: expected 0 to 10 ticks, got {options.late}")
-    if not 0.0 < options.duration <= LONGEST:
-        raise ParameterError(f"--duration: expected above 0 and at most {LONGEST:g} s, got {options.duration:g}")
     for path, ending in ((options.log, LOG), (options.record, RECORDING)):
         if path is not None:
             ensure_writable(path, ending)
-    arm = arm_of(options.arm)
-    if sum(each is not None for each in (options.sort, options.poses, options.path)) > 1:
-        raise ParameterError("--sort, --poses and --path: expected one of them")
-    sorting = None if options.sort is None else read_sorting(options.sort)
-    settings = ChainSettings(
-        arm,
-        machine_of(options.machine or IDEAL, arm),
-        _task(arm, options, sorting),
-        Control(delay=min(options.late, 1) * arm.period),
-        options.duration,
-        options.seed,
-        options.late,
-        sorting=sorting,
-    )
+    settings = cell.settings(options.duration, options.seed)
+    period = settings.arm.period
     with interruption() as asked, _progress(options) as progress:
 
         def between(done: int) -> bool:
-            progress.update(progress.task_ids[0], completed=done * arm.period)
+            progress.update(progress.task_ids[0], completed=done * period)
             return not asked.requested
 
         result = run(settings, between)

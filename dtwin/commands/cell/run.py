@@ -13,7 +13,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 
 from dtwin.api.cell import finished
 from dtwin.api.run import RunError
-from dtwin.commands.cell.chain import THESIS, run_arm
+from dtwin.commands.cell.chain import THESIS, other_cell, run_arm
 from dtwin.commands.hints import viewer_command, warn_of_places
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.ports import BLOCKS
@@ -68,8 +68,8 @@ class Run(PlantOptions, ControlOptions, RuntimeOption):
     """Ticks from a command until it acts (--arm)."""
 
     def execute(self) -> int:
-        if self.arm != THESIS:
-            return run_arm(self, _Interruption)
+        if (other := other_cell(self)) is not None:
+            return run_arm(other, self, _Interruption)
         if self.late or any(each is not None for each in (self.poses, self.path, self.sort)):
             raise ParameterError("--poses, --path, --sort, --late: expected --arm with another arm than the thesis's")
         record = self.record or (None if self.json else Path("run.rrd"))
