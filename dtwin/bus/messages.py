@@ -368,14 +368,14 @@ ACKNOWLEDGE: Final = Topic(
 )
 WATCH: Final = Topic("twin/monitoring/watch", "query", WatchRequest, WatchState, "monitoring")
 RESIDUALS: Final = Topic("twin/monitoring/residuals", "publication", MonitoringResiduals, None, "monitoring")
-LINE_STATE: Final = Topic("twin/overall/state", "query", LookRequest, LineState, "line")
+LINE_STATE: Final = Topic("twin/overall/state", "query", LookRequest, LineState, "line", patience=CHECKED)
 LINE_PREDICT: Final = Topic("twin/overall/predict", "query", SetUpQuestion, FlowEffect, "line", patience=CHECKED)
-LINE_LOOK: Final = Topic("twin/overall/look", "query", LookRequest, LineLook, "line")
+LINE_LOOK: Final = Topic("twin/overall/look", "query", LookRequest, LineLook, "line", patience=CHECKED)
 LINE_PROPOSE: Final = Topic("twin/overall/propose", "query", ProposalRequest, Proposal, "line", patience=CHECKED)
-LINE_DECIDE: Final = Topic("twin/overall/decide", "query", ProposalDecision, Proposal, "line")
+LINE_DECIDE: Final = Topic("twin/overall/decide", "query", ProposalDecision, Proposal, "line", patience=CHECKED)
 SET_UP: Final = Topic("twin/overall/setup", "query", SetUpRequest, SetUpDone, "line", patience=CHECKED)
-LINE_STOP: Final = Topic("twin/overall/stop", "query", StationWord, LineState, "line")
-LINE_RELEASE: Final = Topic("twin/overall/release", "query", StationWord, LineState, "line")
+LINE_STOP: Final = Topic("twin/overall/stop", "query", StationWord, LineState, "line", patience=CHECKED)
+LINE_RELEASE: Final = Topic("twin/overall/release", "query", StationWord, LineState, "line", patience=CHECKED)
 TOPICS: Final = (
     *(SENSORS, VOLTAGES, ACTED, PATH, TRUTH, TICKS, EVENTS, STATUS, ALIVE),
     *(SETTINGS, SIGNAL, STOP, RELEASE, DESK, FAULT, RESET, LATCH, SAMPLE_BACKLOG, ANSWER_BACKLOG, SUMMARY),

@@ -76,6 +76,7 @@ GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
         "line demo": Subcommand("line.run", "LineDemo", "show a line that goes on when an arm fails"),
         "line up": Subcommand("line.live", "LineUp", "run a line that can be asked while it runs"),
         "line status": Subcommand("line.live", "LineStatus", "show how a running line does"),
+        "line setup": Subcommand("line.live", "LineSetUp", "have other stations of a running line do operations"),
         "line release": Subcommand("line.live", "LineRelease", "let a stopped arm of a running line move again"),
         "line report": Subcommand("line.run", "LineReport", "write the page of a run of a line"),
         "experiment line": Subcommand(

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import random
 import re
 import threading
 from collections.abc import Callable, Iterator
@@ -25,6 +27,7 @@ from dtwin.bus.opening import open_peer
 from dtwin.bus.proposals.deciding import LINE, LINE_DOORS, decide, find
 from dtwin.bus.proposals.messages import LineLook, Proposal, ProposalDecision
 from dtwin.bus.session import Bus
+from dtwin.cli import main
 from dtwin.console.people.audit import Audit
 from dtwin.errors import CommunicationError
 from dtwin.line.file import line_of
@@ -35,6 +38,7 @@ from dtwin.line.run import Decision, LineSettings
 from dtwin.line.twins import node, zone
 from dtwin.line_file import LineFile
 from dtwin.parameters import ROOT
+from dtwin.services import runfile
 from dtwin.simulation.proposals.book import TWIN, Book
 from tests.ai.injections import INJECTIONS
 from tests.ai.test_injection import unmarked
@@ -68,9 +72,9 @@ class Running:
         file.write_text(text.replace('machine = "coulomb"', ""))
         self.history = folder / "history.jsonl"
         self.line = AskedRun(line_of(str(file)), LineSettings(1000.0, twins, faults), self.history)
-        meet = f"tcp/127.0.0.1:{free_port()}"
-        self._service, self.bus = (Bus(open_peer(meet), "line", "line", KEY_OF_LINE) for _ in range(2))
-        self.stranger = Bus(open_peer(meet), "line", "line", bytes(32))
+        self.meet = f"tcp/127.0.0.1:{free_port()}"
+        self._service, self.bus = (Bus(open_peer(self.meet), "line", "line", KEY_OF_LINE) for _ in range(2))
+        self.stranger = Bus(open_peer(self.meet), "line", "line", bytes(32))
         self.live = LiveLine(self.line, Book(folder / "proposals.jsonl"), self._service, lambda: 0.0)
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._serve)
@@ -253,7 +257,8 @@ def test_one_that_acts_keeps_to_its_limits_and_is_checked_like_people(running: R
     first, soon, stopped, nobody = talk(running, tmp_path, "act", act, pause=1e9)
     assert first.structured_content["version"] == 1
     assert "limit: expected 1e+09 s between two changes" in soon.content[0].text
-    assert stopped.structured_content["stations"][0]["ability"] == "nothing"
+    (right,) = stopped.structured_content["stations"]
+    assert (right["doing"], right["ability"]) == ("stopped", "nothing")
     assert "expected left or right" in nobody.content[0].text
     back = {**MOVE, "based_on": 1, "set_up": {"press": "right"}}
     refused = talk(running, tmp_path, "act", call("set_up", **back))
@@ -288,6 +293,65 @@ def test_a_script_finds_a_failed_arm_and_proposes_where_its_work_goes(tmp_path: 
         assert after.set_up == {"glue": "left", "press": "left"}
         assert (after.lost, after.collisions) == (0, 0)
         assert after.stations[1].box
+
+
+def test_fifty_bad_set_ups_are_refused(running: Running, tmp_path: Path) -> None:
+    """Of no operation, of no station, of one whose arm is stopped, on an old version, without words, of no kind."""
+    drawn = random.Random(50)
+
+    def bad(kind: int) -> dict[str, Any]:
+        name = "".join(drawn.choices("abcxyz", k=5))
+        operation, station = drawn.choice(["glue", "press"]), drawn.choice(["left", "right"])
+        return [
+            {**MOVE, "set_up": {name: station}},
+            {**MOVE, "set_up": {operation: name}},
+            {**MOVE, "set_up": {operation: "right", "glue": "left", "press": "right"}},
+            {**MOVE, "based_on": drawn.randint(1, 9), "set_up": {"glue": "left", "press": "left"}},
+            {**MOVE, "why": ""},
+            {**MOVE, "set_up": drawn.choice([[], "left", {operation: 1}, {operation: "*"}, {}])},
+        ][kind]
+
+    async def act(client: Client) -> list[bool]:
+        await client.call_tool("stop", {"why": "to try", "station": "right"})
+        return [(await client.call_tool("set_up", bad(number % 6))).is_error for number in range(50)]
+
+    assert talk(running, tmp_path, "act", act, pause=0.0, hourly=1000, factor=1e9) == [True] * 50
+    after = running.state()
+    assert (after.version, after.set_up, after.lost) == (0, {"glue": "left", "press": "right"}, 0)
+
+
+def test_a_person_decides_at_the_command_line(
+    running: Running, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def said(*words: str, status: int = 0) -> str:
+        assert main(words) == status
+        told = capsys.readouterr()
+        return told.out if status == 0 else told.err
+
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    assert "start it with `dtwin line up`" in said("line", "status", status=2)
+    with runfile.RunFile("line") as file:
+        file.write_key(KEY_OF_LINE)
+        file.write(runfile.Up(os.getpid(), runfile.LINE, running.meet, None, "", ready=True))
+        for changed in ({"press": "left"}, {"glue": "right"}):
+            made = talk(running, tmp_path, "propose", call("propose_set_up", **{**MOVE, "set_up": changed}))
+            assert not made.is_error
+        told = said("mcp", "proposals", "--line", "line")
+        assert "press: right becomes left" in told
+        assert "30.0 boxes/h expected, in force 60.0" in told
+        assert "2 wait for a person" in told
+        assert "declined, dave, no" in said("mcp", "decline", "2", "--line", "line", "--who", "dave", "--why", "no")
+        approved = said("mcp", "approve", "1", "--yes", "--line", "line", "--who", "carol")
+        assert "approved, carol, version 1" in approved
+        assert "approved already by carol" in said("mcp", "approve", "1", "--yes", "--line", "line", status=2)
+        assert "press: left becomes right" in said("line", "setup", "press=right", "--who", "carol")
+        assert "expected OPERATION=STATION" in said("line", "setup", "press", status=2)
+        assert running.state().version == 2
+        talk(running, tmp_path, "act", call("stop", why="it smokes", station="right"))
+        assert "right: stopped; can do nothing: it was stopped by ai: it smokes" in said("line", "status")
+        assert "carol: repair: by hand" in said("line", "release", "right", "--who", "carol")
+        assert "expected one whose arm is stopped" in said("line", "release", "right", status=2)
+        assert "is not up on this machine" in said("mcp", "proposals", "--line", "other", status=2)
 
 
 @pytest.mark.parametrize("every", [10, pytest.param(1, marks=pytest.mark.thorough)])

@@ -117,6 +117,7 @@ READ: Final = {
     "line demo": MINUTES,
     "line up": LIVE,
     "line status": LIVE,
+    "line setup": LIVE,
     "line release": LIVE,
     "experiment line": MINUTES,
     "experiment accuracy": MINUTES,

@@ -172,10 +172,9 @@ class Looking:
         """Checks that a log is in the folder of recordings. Raises ParameterError."""
         names = self.logs()
         if name not in names:
-            known = (
-                choices(names[:10]) if names else "there is none: `dtwin mcp --recordings FOLDER` names their folder"
-            )
-            raise ParameterError(f"recording {name[:LONGEST]!r}: expected {known}")
+            known = f"expected {choices(names[:10])}" if names else "there is none"
+            folder = "`dtwin mcp --recordings FOLDER` names their folder"
+            raise ParameterError(f"recording {name[:LONGEST]!r}: {known}; {folder}")
 
 
 def passages(pages: Path, words: str) -> dict[str, Any]:

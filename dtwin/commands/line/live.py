@@ -11,8 +11,8 @@ from typing import Final, Literal
 
 import tyro
 
-from dtwin.bus.line.messages import LineState, StationWord
-from dtwin.bus.messages import LINE_RELEASE, LINE_STATE
+from dtwin.bus.line.messages import LineState, SetUpDone, SetUpRequest, StationWord
+from dtwin.bus.messages import LINE_RELEASE, LINE_STATE, SET_UP
 from dtwin.bus.session import Bus
 from dtwin.bus.signature import KEY, new_key
 from dtwin.commands.line.run import LONGEST, fault_of
@@ -155,6 +155,32 @@ class LineRelease(_AtLine):
         with self.joined() as bus:
             word = StationWord(self.who or getpass.getuser(), self.why, self.station)
             _show(bus.ask(LINE_RELEASE, word, LineState))
+        return 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class LineSetUp(_AtLine):
+    """Have other stations do operations from now on, if the twins and the zones let it pass."""
+
+    changes: tyro.conf.Positional[tuple[str, ...]]
+    """OPERATION=STATION, such as mark=a1; repeatable."""
+    why: str = "by hand"
+    """Reason, for the history."""
+    who: str = ""
+    """Name, for the history; the login name if not given."""
+
+    def execute(self) -> int:
+        pairs = [each.partition("=") for each in self.changes]
+        if not pairs or not all(station for _, _, station in pairs):
+            raise ParameterError(f"changes: expected OPERATION=STATION, such as mark=a1, got {list(self.changes)}")
+        changes = {operation: station for operation, _, station in pairs}
+        with self.joined() as bus:
+            seen = bus.ask(LINE_STATE, None, LineState).version
+            asked = SetUpRequest(self.who or getpass.getuser(), self.why, seen, changes)
+            done = bus.ask(SET_UP, asked, SetUpDone)
+        for line in done.effect.difference:
+            print(printable(line))
+        print(f"set-up {done.version}: {done.effect.rate:.1f} boxes/h expected, before {done.effect.rate_now:.1f}")
         return 0
 
 

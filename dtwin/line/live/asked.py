@@ -20,6 +20,10 @@ class AskedRun(LineRun):
         """What the arm of a station can still do, as its twin says."""
         return self._nodes[station].capability
 
+    def is_stopped(self, station: str) -> bool:
+        """Whether the arm of a station is stopped, or is to be in the next cycle."""
+        return station in self._stopped or bool(self.plant.stations[station].report.stop)
+
     def effect(self, changes: Assignment) -> FlowEffect:
         """What the twins expect of a set-up beside the one in force.
 
@@ -134,7 +138,7 @@ class AskedRun(LineRun):
             ParameterError: there is no such station, or its arm is not stopped.
         """
         self._check_station(station)
-        if station not in self._stopped and not self.plant.stations[station].report.stop:
+        if not self.is_stopped(station):
             raise ParameterError(f"station {station}: expected one whose arm is stopped")
         self._repair(station, who, why)
 

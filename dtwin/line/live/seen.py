@@ -10,6 +10,7 @@ from dtwin.line.run import Decision
 
 RECENT: Final = 600.0
 """Plant time over which the rate is told, s."""
+_STOPPED: Final = 2
 _STATIONS: Final = {0: "waits", 1: "works", 2: "stopped", 3: "blocked"}
 _VEHICLES: Final = {0: "home", 1: "empty", 2: "loaded", 9: "charges"}
 
@@ -26,8 +27,9 @@ def state_of(run: AskedRun, late: int) -> LineState:
     zones = {station.name: zone.name for zone in line.zones for station in zone.stations}
     drives = {vehicle.name: zone.name for zone in line.zones for vehicle in zone.vehicles}
     stations = []
-    for plan, doing in zip(line.stations, now.stations, strict=True):
+    for plan, seen in zip(line.stations, now.stations, strict=True):
         state, able = plant.stations[plan.name], run.capability(plan.name)
+        doing = _STOPPED if run.is_stopped(plan.name) else seen
         box = state.worked or state.waits or state.finished
         why = able.why[:1000]
         stations.append(
