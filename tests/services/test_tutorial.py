@@ -26,6 +26,8 @@ def test_the_tutorial_ends_with_a_recovered_arm(
     desk: Desk, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
     printed: dict[str, str] = {}
     for line in (line for block in BLOCKS if block.language == "sh" for line in block.lines):
         words = words_of(line)[1:]
