@@ -167,17 +167,20 @@ class ChainRun:
             "beyond_range": self.beyond.tolist(),
             "poses_reached": len(np.unique(self.pose)),
             "stop": self.stop,
-            **({} if self.boxes is None else {"boxes": _box_figures(self.boxes)}),
+            **({} if self.boxes is None else {"boxes": _box_figures(self.boxes, self.places)}),
         }
 
 
-def _box_figures(counts: Counts) -> dict[str, float]:
+def _box_figures(counts: Counts, places: Array) -> dict[str, float]:
     errors = counts.errors or [0.0]
+    waiting, held = places[-1] > 0.0 if len(places) else (False, False)
     return {
         "arrived": counts.arrived,
         "picked": counts.picked,
         "missed": counts.missed,
         "delivered": counts.delivered,
+        "held": int(held),
+        "waiting": int(waiting),
         "within_5_mm": sum(error <= 0.005 for error in counts.errors),
         "placement_error_max": max(errors),
         "placement_error_mean": float(np.mean(errors)),

@@ -29,10 +29,10 @@ def test_boxes_are_brought_to_their_places(tmp_path: Path, capsys: pytest.Captur
     words = ["run", "--arm", "planar-2r", "--sort", str(tmp_path / "task.toml"), "--duration", "40"]
     assert main([*words, "--machine", "4", "--json"]) == 0
     boxes = json.loads(capsys.readouterr().out)["boxes"]
-    assert boxes["delivered"] >= 3
+    assert boxes["delivered"] >= 6  # 4 where the arm waits above places as well
     assert boxes["within_5_mm"] == boxes["delivered"]
     assert boxes["missed"] == 0
-    assert boxes["arrived"] - boxes["delivered"] in (0, 1)
+    assert boxes["arrived"] == boxes["delivered"] + boxes["held"] + boxes["waiting"]
 
 
 def test_a_box_is_caught_only_where_it_waits() -> None:

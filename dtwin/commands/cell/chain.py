@@ -135,7 +135,8 @@ def _print(result: ChainRun, log: Path | None, record: Path | None) -> None:
     if boxes := score.get("boxes"):
         lines["boxes"] = (
             f"{boxes['arrived']} arrived, {boxes['picked']} picked, {boxes['delivered']} delivered, "
-            f"{boxes['within_5_mm']} of them within 5 mm, {boxes['missed']} missed"
+            f"{boxes['within_5_mm']} of them within 5 mm, {boxes['missed']} missed; "
+            f"{boxes['held']} held and {boxes['waiting']} waiting at the end"
         )
         lines["placement error"] = (
             f"{1e3 * boxes['placement_error_max']:.2f} mm at most, "
