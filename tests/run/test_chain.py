@@ -83,14 +83,14 @@ def test_the_command_runs_an_arm_and_prints_its_figures(tmp_path: Path, capsys: 
     [
         (
             ["--arm", "planar-2r", "--noise", "0.1"],
-            "--noise: has no meaning for --arm planar-2r: expected --duration",
+            "--noise: has no meaning for another arm than the thesis's: expected --cell-file, --duration",
         ),
         (["--arm", "none"], "expected a file"),
         (["--arm", "planar-2r", "--machine", "servo"], "expected ideal, nominal, or a number"),
-        (["--arm", "planar-2r", "--late", "11"], "--late: expected 0 to 10 ticks"),
+        (["--arm", "planar-2r", "--late", "11"], "late: expected 0 to 10 ticks"),
         (["--arm", "planar-2r", "--seed", "-1"], "seed: expected"),
-        (["--arm", "planar-2r", "--duration", "nan"], "--duration: expected"),
-        (["--arm", "planar-2r", "--duration", "1e12"], "--duration: expected above 0 and at most 86400 s, got 1e+12"),
+        (["--arm", "planar-2r", "--duration", "nan"], "duration: expected"),
+        (["--arm", "planar-2r", "--duration", "1e12"], "duration: expected above 0 and at most 86400 s, got 1e+12"),
         (["--late", "1"], "expected --arm with another arm"),
     ],
 )
