@@ -275,7 +275,11 @@ def _conventions(arm: ArmParameters) -> Iterator[Way]:
     for joint, turn in (*product(range(3), (-90, 90)), (1, 180), (2, 180)):
         zero = f"the zero of joint {joint + 1} looks {abs(turn)} degrees away from that of the arm"
         yield Way(zero, same, same, np.radians(turn) * same[joint])
-    yield Way("voltages look like torques in N m, expected V", same, np.diag(1.0 / np.array(arm.voltage_constant)))
+    yield Way(
+        "voltages look like shares of the supply or torques in N m, expected V",
+        same,
+        np.diag(1.0 / np.array(arm.voltage_constant)),
+    )
     for factor in _SCALES:
         yield Way(f"voltages look {factor:g} times too small, expected those at the motors in V", same, factor * same)
 

@@ -44,7 +44,7 @@ MISTAKES: dict[str, tuple[Callable[[Columns], Columns], str]] = {
     "zero of joint 2 across": (turned("measured_2", -np.pi / 2), "the zero of joint 2 looks 90 degrees away"),
     "zero opposite": (turned("measured_2", np.pi), "the zero of joint 2 looks 180 degrees away"),
     "encoder counts": (times(4096.0 / (2.0 * np.pi), *MEASURED), "angles look like counts of 4096 a turn"),
-    "torques": (torques, "voltages look like torques in N m, expected V"),
+    "torques": (torques, "voltages look like shares of the supply or torques in N m, expected V"),
     "half the voltages": (times(0.5, *VOLTS), "voltages look 2 times too small"),
     "of 24 V": (times(1.0 / 3.0, *VOLTS), "voltages look 3 times too small"),
     "no commands": (times(0.0, *VOLTS), "joints 1, 2 and 3 moved without voltage"),
