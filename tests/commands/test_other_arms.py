@@ -77,7 +77,7 @@ def test_the_health_of_a_data_set_is_told(tmp_path: Path, capsys: pytest.Capture
             ["identify", "empty.csv", *ARM, "--load", "empty.csv=x"],
             "expected a mass above 0 kg, or ?",
         ),
-        (["log", "show", "missing.csv"], "missing.csv: cannot be read"),
+        (["log", "show", "missing.csv"], "missing.csv: there is no such file or folder"),
         (["health", "empty.csv"], "expected columns of commanded positions"),
     ],
 )
