@@ -24,15 +24,16 @@ Target = Literal["embedded", "forte"]
 
 
 def files_of(paths: Iterable[Path], settings: Settings | None = None) -> list[Path]:
-    """The files that can be checked: those given, and those in the folders given that settings do not exclude.
+    """The files to check: those given, and those in the folders given that settings do not exclude.
 
     Raises:
-        ToolError: a path is none, or a folder holds nothing to check, as one does that was written wrong.
+        ToolError: no path leads anywhere, or a folder holds nothing to check, as one does that was written wrong.
     """
     found: list[Path] = []
+    paths = list(paths)
+    if paths and not any(path.exists() for path in paths):
+        raise ToolError(f"{paths[0]}: there is no such file or folder")
     for path in paths:
-        if not path.exists():
-            raise ToolError(f"{path}: there is no such file or folder")
         if not path.is_dir():
             found.append(path)
             continue

@@ -111,7 +111,7 @@ def test_every_client_file_is_the_same_but_for_the_name() -> None:
         (SECURED / f"{name}.json5").read_text().replace(f'"{name}"', "NAME").replace(f"/{name}.", "/NAME.")
         for name in names
     }
-    assert len(names) == 13
+    assert len(names) == 14
     assert len(texts) == 1
 
 
