@@ -32,7 +32,7 @@ TOLERANCE: Final = 0.9
 """Share of the margins of an arm that has less than is demanded that other settings have to keep, and of those that
 are demanded of an arm with effects whose commands are late."""
 WORST_TRACKING: Final[Mapping[Law, float]] = {"computed_torque": 0.3, "row_sum": 0.3, "cascade": 0.2}
-"""Largest distance from the path in any motion of the cell, rad; under the cascade 0.25 rad stop the arm."""
+"""Largest distance from the path in any motion of the cell, rad; under the cascade 0.5 rad stop the arm."""
 
 
 class Refused(ParameterError):

@@ -90,14 +90,14 @@ def test_an_arm_that_was_pushed_away_and_comes_back_keeps_its_torque() -> None:
     assert block["STOP"] == STANDSTILL
 
 
-@pytest.mark.parametrize(("following", "speed"), [(0.26, 0.0), (0.0, 2.6), (float("nan"), 0.0), (0.0, float("nan"))])
+@pytest.mark.parametrize(("following", "speed"), [(0.51, 0.0), (0.0, 2.6), (float("nan"), 0.0), (0.0, float("nan"))])
 @pytest.mark.parametrize("before", [NONE, BRAKING, STANDSTILL, TORQUE_OFF])
 def test_an_arm_that_stays_off_its_path_or_too_fast_is_stopped(following: float, speed: float, before: int) -> None:
     block = decision(before)
     for _ in range(3):
         for _ in range(LASTING - 1):
             assert block.fire("CHECK", FOLLOWING=following, SPEED=speed) == []
-        assert block.fire("CHECK", FOLLOWING=0.25, SPEED=2.5) == []
+        assert block.fire("CHECK", FOLLOWING=0.5, SPEED=2.5) == []
     for _ in range(LASTING - 1):
         assert block.fire("CHECK", FOLLOWING=following, SPEED=speed) == []
     assert block["STOP"] == before

@@ -81,3 +81,11 @@ def test_an_arm_that_never_comes_to_rest_calls_for_help() -> None:
 
 def test_a_stop_for_readings_calls_for_help() -> None:
     assert outcome(readings.jump(0.5, start=6.0), seed=21, duration=8.0).called
+
+
+@pytest.mark.parametrize(("joint", "torque"), [(1, -0.5), (2, 0.35), (3, -0.3)])
+def test_a_push_that_the_motors_can_bear_stops_nothing(joint: int, torque: float) -> None:
+    """The arm comes back to its path by itself, so that nobody has to release it."""
+    found = outcome(drives.shove(torque, length=0.2, start=8.0, joints=(joint,)), seed=1, duration=12.0)
+    assert found.stopped == float("inf")
+    assert found.fastest < FASTEST
