@@ -44,20 +44,20 @@ class WatchCommand:
         inbox: SimpleQueue[tuple[str, bytes]] = SimpleQueue()
         with join(self.cell, self.zenoh) as bus:
             bus.watch_raw(self.key, lambda key, payload: inbox.put((key, payload)))
+            waiting: list[tuple[str, bytes]] = []
             if self.key == EVENTS.name:
-                # Asked for once they are received: what passes meanwhile comes twice rather than never.
+                # Asked for once they are received: what passes meanwhile comes twice rather than never, and after it.
                 past = bus.ask(SUMMARY, None, Summary).events
-                for event in past:
-                    inbox.put((bus.key(EVENTS), encode(event)))
+                waiting = [(bus.key(EVENTS), encode(event)) for event in reversed(past)]
             printed = 0
             while not self.count or printed < self.count:
                 try:
-                    key, payload = inbox.get(timeout=1.0)
+                    key, payload = waiting.pop() if waiting else inbox.get(timeout=1.0)
                 except Empty:
                     continue
                 print(printable(f"{key} {describe(key, payload, self.json)}"))
                 printed += 1
-                if inbox.empty():
+                if inbox.empty() and not waiting:
                     sys.stdout.flush()
         return 0
 
