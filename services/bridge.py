@@ -46,7 +46,6 @@ from dtwin.controller.ports import MODEL, OFFSETS, PAYLOAD, TUNING
 from dtwin.controller.sequence import CALLS, SEQUENCES, SequenceName, SequenceSettings
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import CommunicationError, DtwinError, RecordingError
-from dtwin.parameters import PERIOD
 from dtwin.run.options import CellFileOption
 from dtwin.services.parts.gate import STALE
 from dtwin.services.parts.missed.backlog import Kept, answers
@@ -54,7 +53,7 @@ from dtwin.services.parts.recent import Backlog, Recent
 from dtwin.services.parts.state_file import StateFile, changed, to_message
 from dtwin.services.parts.stopping.stops import Stops
 from dtwin.services.parts.stopping.watchdog import Watchdog
-from dtwin.services.parts.strides import strides
+from dtwin.services.parts.strides import GAP, strides
 from dtwin.services.service import Link, Service, main
 from dtwin.signals import Event, EventKind, Sensors, Voltages
 from iec61499.net.address import StreamAddress, parse_stream_address
@@ -68,8 +67,6 @@ PATIENCE: Final = 3.0
 """Time without a controller that is no trouble yet, because it may be starting again, s."""
 FIRST_PATIENCE: Final = 15.0
 """The same before the first controller, which starts beside all other services, s."""
-GAP: Final = round(STALE / PERIOD)
-"""Number of ticks without an answer, or without voltage, after which the path is planned anew."""
 LISTEN: Final = 50
 """Number of ticks after which a call for help and a stop are looked for, if nobody wants the path of every tick."""
 S = TypeVar("S")

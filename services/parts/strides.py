@@ -13,9 +13,9 @@ from dtwin.signals import Sensors
 
 STRIDE: Final = 0.04
 """rad of a joint between two samples, 4 rad/s: less than the observer's gate takes for a jump (STATE_OBSERVER_3)"""
-TICKS: Final = round(STALE / PERIOD)
-"""Missed ticks that are made up for one by one; after more of them the arm has lost its voltage and the path begins
-anew."""
+GAP: Final = round(STALE / PERIOD)
+"""Number of ticks without an answer, or without voltage, up to which the blocks are led over each; after more of them
+the path is planned anew."""
 MOST: Final = 500
 """steps: an arm that is farther away is given up"""
 
@@ -27,7 +27,7 @@ def strides(before: Sensors, now: Sensors) -> list[Sensors]:
     of the plant, and more where an angle would differ by more than STRIDE; none when more than MOST would be needed.
     """
     farthest = max(abs(b - a) for a, b in zip(before.theta, now.theta, strict=True))
-    count = max(math.ceil(farthest / STRIDE), min(now.sequence - before.sequence, TICKS))
+    count = max(math.ceil(farthest / STRIDE), min(now.sequence - before.sequence, GAP))
     if count > MOST:
         return []
     steps = []

@@ -7,7 +7,7 @@ from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.ports import STOP
 from dtwin.emulation.emulation import Emulation
 from dtwin.parameters import PERIOD
-from dtwin.services.parts.strides import MOST, STRIDE, TICKS, strides
+from dtwin.services.parts.strides import GAP, MOST, STRIDE, strides
 from dtwin.signals import Sensors, Voltages
 
 
@@ -30,7 +30,7 @@ def test_there_is_a_step_for_each_missed_tick() -> None:
     assert strides(sample(0.0, 0.0, 0.0), sample(STRIDE, 0.0, -STRIDE, sequence=1)) == []
     angles = [each.theta[0] for each in strides(sample(0.0, 0.0, 0.0), sample(0.03, 0.0, 0.0, sequence=3))]
     assert angles == pytest.approx([0.01, 0.02])
-    assert len(strides(sample(0.0, 0.0, 0.0), sample(STRIDE, 0.0, 0.0, sequence=900))) == TICKS - 1
+    assert len(strides(sample(0.0, 0.0, 0.0), sample(STRIDE, 0.0, 0.0, sequence=900))) == GAP - 1
     assert strides(sample(0.0, 0.0, 0.0), sample((MOST + 1) * STRIDE, 0.0, 0.0, sequence=9)) == []
 
 
@@ -46,7 +46,7 @@ def test_an_arm_whose_commands_miss_one_tick_in_nine_is_not_stopped(seed: int) -
                 controller.step(step)
             plant.apply(controller.step(now))
             before = now
-            silent = int(missed.integers(1, TICKS)) if missed.random() < 0.05 else 0
+            silent = int(missed.integers(1, GAP)) if missed.random() < 0.05 else 0
         else:
             silent -= 1
         plant.advance(PERIOD)
