@@ -6,7 +6,7 @@ of a gripper, are welded at their position 0 and told as a remark.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -15,6 +15,7 @@ import numpy as np
 from lxml import etree
 
 from dtwin.arm.chain import Arm, Array, Joint, JointKind, Link, steiner
+from dtwin.arm.tip import ends_of, fingers_begin
 from dtwin.errors import ModelError, choices
 
 _LARGEST: Final = 16_000_000
@@ -133,7 +134,7 @@ def read_urdf(path: Path, base: str | None = None, tip: str | None = None) -> Ar
     Args:
         path: URDF file; meshes are not looked at.
         base: link that stands still; None for the root of the tree.
-        tip: last link of the chain; None for the one that most joints move, if there is only one.
+        tip: last link of the chain; None for the one that most joints move, or where its fingers begin.
 
     Raises:
         ModelError: the file is no URDF, the chain is not clear, a joint is a mimic, or a link has no inertia. The
@@ -144,8 +145,10 @@ def read_urdf(path: Path, base: str | None = None, tip: str | None = None) -> Ar
     if base is None and len(roots) != 1:
         raise ModelError(f"{path}: expected one link without a joint above it, got {roots or 'none: a closed loop'}")
     start = _known(file, base or roots[0], "base")
-    chain = list(_chain(file, start, _known(file, tip, "tip") if tip else _tip(file, start)))
-    joints, links, remarks = [], [], []
+    end = _known(file, tip, "tip") if tip else _tip(file, start)
+    chain = list(_chain(file, start, end))
+    remarks = [fingers_begin(end)] if not tip and any(_moved_by(file, end).values()) else []
+    joints, bodies = [], []
     rotation, translation = np.eye(3), np.zeros(3)
     for edge in chain:
         turned, shifted = file.pose(edge.element)
@@ -157,8 +160,8 @@ def read_urdf(path: Path, base: str | None = None, tip: str | None = None) -> Ar
         inside = {other.child for other in chain if other.kind != "fixed"}
         body, frozen = _welded(file, edge.child, inside)
         remarks += [f"joint {name} is not in the chain: it is welded at 0" for name in frozen]
-        links.append(_link(file, edge, body))
-    return Arm(file.robot, tuple(joints), tuple(links), remarks=tuple(remarks))
+        bodies.append((edge.child, body))
+    return Arm(file.robot, tuple(joints), _links(file, bodies), remarks=tuple(remarks), tool=translation)
 
 
 def parse_urdf(path: Path) -> Any:
@@ -170,8 +173,7 @@ def parse_urdf(path: Path) -> Any:
     try:
         if path.stat().st_size > _LARGEST:
             raise ModelError(f"{path}: expected at most {_LARGEST} bytes, got {path.stat().st_size}")
-        parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False)
-        tree = etree.parse(path, parser)
+        tree = _parsed(path)
     except OSError as error:
         raise ModelError(f"{path}: cannot be read: {error.strerror or 'no XML'}") from None
     except etree.XMLSyntaxError as error:
@@ -183,6 +185,17 @@ def parse_urdf(path: Path) -> Any:
     return tree
 
 
+def _parsed(path: Path) -> Any:
+    """The elements of an XML file; a prefix that is declared nowhere is left in place, as readers of URDF do."""
+    options: dict[str, Any] = {"resolve_entities": False, "no_network": True, "load_dtd": False}
+    try:
+        return etree.parse(path, etree.XMLParser(**options))
+    except etree.XMLSyntaxError as error:
+        if any(entry.domain_name != "NAMESPACE" for entry in error.error_log):
+            raise
+        return etree.parse(path, etree.XMLParser(recover=True, **options))
+
+
 def _known(file: _File, link: str, what: str) -> str:
     if link not in file.links:
         raise ModelError(f"{file.path}: {what} {link!r}: expected one of the links, {choices(file.links)}")
@@ -190,18 +203,19 @@ def _known(file: _File, link: str, what: str) -> str:
 
 
 def _tip(file: _File, start: str) -> str:
-    """The link at the end of the only path with the most joints."""
-    ends = _moved_by(file, start)
-    most = max(ends.values())
+    """The link at the end of the only path with the most joints, or where the fingers of that path begin."""
+    moved = _moved_by(file, start)
+    most = max(moved.values())
     if not most:
         raise ModelError(f"{file.path}: expected a joint that moves below link {start}, got none")
-    moved = {link for link, count in ends.items() if count == most}
-    last = [link for link in moved if file.above[link].kind != "fixed"]
-    if len(last) != 1:
+    last = [link for link, count in moved.items() if count == most and file.above[link].kind != "fixed"]
+    paths = [[(edge.child, moved[edge.child]) for edge in _chain(file, start, link)] for link in last]
+    ends = ends_of(paths)
+    if len(ends) != 1:
         raise ModelError(
-            f"{file.path}: expected a tip, as several chains have {most} joints: {choices(sorted(last))}"
+            f"{file.path}: expected a tip, as several chains have {most} joints: {choices(sorted(ends))}"
         )
-    return last[0]
+    return ends[0]
 
 
 def _moved_by(file: _File, start: str) -> dict[str, int]:
@@ -316,11 +330,18 @@ def _together(one: _Body, other: _Body) -> _Body:
     return _Body(one.mass + other.mass, one.moment + other.moment, one.inertia + other.inertia)
 
 
-def _link(file: _File, edge: _Edge, body: _Body) -> Link:
-    if not body.mass:
-        raise file.error(file.links[edge.child], f"link {edge.child}: expected an <inertial> with a mass above 0")
-    centre = body.moment / body.mass
-    return Link(edge.child, body.mass, centre, body.inertia - body.mass * steiner(centre))
+def _links(file: _File, bodies: Sequence[tuple[str, _Body]]) -> tuple[Link, ...]:
+    """The links with their mass properties about their centres."""
+    light = [name for name, body in bodies if not body.mass]
+    if light:
+        first, *others = light
+        also = f"; {', '.join(others)} lack{'s' * (len(others) == 1)} it too" if others else ""
+        message = f"link {first}: expected an <inertial> with a mass above 0{also}"
+        raise file.error(file.links[first], message)
+    centred = [(name, body, body.moment / body.mass) for name, body in bodies]
+    return tuple(
+        Link(name, body.mass, centre, body.inertia - body.mass * steiner(centre)) for name, body, centre in centred
+    )
 
 
 def roll_pitch_yaw(angles: Array) -> Array:

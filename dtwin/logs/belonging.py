@@ -6,6 +6,7 @@ from typing import Final
 
 from dtwin.errors import RecordingError
 from dtwin.logs.log import Log
+from dtwin.logs.meaning import misread
 from dtwin.logs.motion import delay, mixed_up
 from dtwin.logs.order import shift
 from dtwin.parameters import ArmParameters
@@ -28,10 +29,10 @@ def check_belonging(source: str, log: Log, arm: ArmParameters) -> None:
         arm: arm as it was designed.
 
     Raises:
-        RecordingError: joints look reversed or swapped, angles or voltages look like those of another unit, or
-            commands seem to be late or early.
+        RecordingError: a column holds something else than its name says, joints look reversed or swapped, angles or
+            voltages look like those of another unit, or commands seem to be late or early.
     """
-    if text := mixed_up(log, arm) or _shifted(log, arm):
+    if text := misread(log, arm) or mixed_up(log, arm) or _shifted(log, arm):
         raise RecordingError(f"{source}: {text}")
 
 

@@ -173,7 +173,7 @@ def moving_rows(log: Log, late: int = 0) -> Moving:
         return Moving(*(np.empty((0, 3)) for _ in range(4)))
     whole = Moving(*(np.concatenate(each) for each in zip(*found, strict=True)))
     speed = np.abs(whole.omega)
-    noise = _noise(measured) * float(np.linalg.norm(kernels[1]))
+    noise = noise_of(measured) * float(np.linalg.norm(kernels[1]))
     least = np.maximum(_MOVES * np.quantile(speed, 0.99, axis=0), _ABOVE_NOISE * noise)
     rows = np.flatnonzero((speed > least).any(axis=1))
     return whole.rows(rows[:: max(1, -(-len(rows) // _MOST))])
@@ -206,7 +206,7 @@ def _alive(angles: Array) -> NDArray[np.bool_]:
     return np.asarray(np.all(np.any(counted, axis=2), axis=1), dtype=np.bool_)
 
 
-def _noise(measured: Array) -> Array:
+def noise_of(measured: Array) -> Array:
     """Standard deviation of the readings about a smooth motion, (3,); third differences have sqrt(20) times it."""
     third = np.abs(np.diff(measured, n=3, axis=0))
     deviation: Array = 1.4826 * np.median(third, axis=0) / np.sqrt(20.0)

@@ -69,6 +69,17 @@ def test_chains_of_mjcf_move_as_in_mujoco(source: str, tmp_path: Path) -> None:
         np.testing.assert_allclose(inverse_dynamics(chain, q, qd, qdd), expected, rtol=1e-10, atol=1e-10)
 
 
+def test_a_chain_of_mjcf_ends_where_its_fingers_begin(tmp_path: Path) -> None:
+    body = '<body name="{0}"><joint name="{0}" axis="0 1 0"/><geom size="0.1"/>{1}</body>'
+    fingers = "".join(body.format(name, "") for name in ("left", "right"))
+    file = tmp_path / "hand.xml"
+    inside = body.format("upper", body.format("hand", fingers))
+    file.write_text(f"<mujoco><worldbody>{inside}</worldbody></mujoco>")
+    arm = read_mjcf(file)
+    assert [joint.name for joint in arm.joints] == ["upper", "hand"]
+    assert arm.remarks[0] == "the chain ends at hand, where its fingers begin; tip names another link"
+
+
 def test_the_tool_is_a_point_of_the_last_link(tmp_path: Path) -> None:
     file = tmp_path / "odd.xml"
     file.write_text(ODD)

@@ -52,6 +52,48 @@ def test_a_branch_is_welded_and_told(tmp_path: Path) -> None:
     assert arm.remarks == ("joint finger is not in the chain: it is welded at 0",)
 
 
+def hand(folder: Path) -> Path:
+    """Two joints, a flange, and two fingers that slide."""
+    parts = [joint("one", "a", "b"), joint("two", "b", "c"), joint("flange", "c", "d", "fixed")]
+    parts += [joint(name, "d", end, "prismatic") for name, end in (("left", "e"), ("right", "f"))]
+    return robot(folder, *parts, links="abcdef")
+
+
+def test_a_chain_ends_where_its_fingers_begin(tmp_path: Path) -> None:
+    arm = read_urdf(hand(tmp_path))
+    assert [j.name for j in arm.joints] == ["one", "two"]
+    assert arm.links[1].mass == 8.0
+    assert arm.tool.tolist() == [0.0, 0.0, 1.0]
+    assert arm.remarks == (
+        "the chain ends at d, where its fingers begin; tip names another link",
+        "joint left is not in the chain: it is welded at 0",
+        "joint right is not in the chain: it is welded at 0",
+    )
+    assert len(read_urdf(hand(tmp_path), tip="f")) == 3
+
+
+def test_two_arms_are_asked_for_by_their_hands(tmp_path: Path) -> None:
+    """Arms of two joints with two fingers each, whose trunk is the link that stands still."""
+    links, parts = "a", []
+    for one, two, *fingers in (list("bcde"), list("fghi")):
+        parts += [joint(one, "a", one), joint(two, one, two), *(joint(each, two, each) for each in fingers)]
+        links += "".join((one, two, *fingers))
+    with pytest.raises(ModelError, match=r"expected a tip, as several chains have 3 joints: c or g$"):
+        read_urdf(robot(tmp_path, *parts, links=links))
+
+
+def test_a_prefix_that_is_declared_nowhere_is_no_reason_to_refuse_a_robot(tmp_path: Path) -> None:
+    file = robot(tmp_path, joint("one", "a", "b"), "<sensor:camera name='c'/>", links="ab")
+    assert len(read_urdf(file)) == 1
+
+
+def test_every_link_without_mass_is_named_at_once(tmp_path: Path) -> None:
+    file = robot(tmp_path, joint("one", "a", "b"), joint("two", "b", "c"))
+    file.write_text(file.read_text().replace(INERTIAL, ""))
+    with pytest.raises(ModelError, match=r":3: link b: expected an <inertial> with a mass above 0; c lacks it too$"):
+        read_urdf(file)
+
+
 def test_parameters_and_links_are_the_same_told_twice() -> None:
     link = Link("l", 3.0, np.array([0.1, 0.2, 0.3]), np.diag([0.1, 0.2, 0.25]))
     again = Link.from_parameters("l", link.parameters)

@@ -36,7 +36,16 @@ def test_a_healthy_log_belongs_together(healthy: Log) -> None:
 
 @pytest.mark.parametrize(
     "name",
-    ["degrees", "shares of the supply", "angle 2 reversed", "joints 1 and 3 swapped", "1 tick early", "3 ticks late"],
+    [
+        "box_gripped inverted",
+        "velocities",
+        "degrees",
+        "shares of the supply",
+        "angle 2 reversed",
+        "joints 1 and 3 swapped",
+        "1 tick early",
+        "3 ticks late",
+    ],
 )
 def test_what_is_mixed_up_is_named(healthy: Log, name: str) -> None:
     way, message = SPOILINGS[name]

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from dtwin.emulation.faults import parse_fault
 from dtwin.emulation.machine.files import machine_of
 from dtwin.logs.log import Log
+from dtwin.parameters import PERIOD
 from dtwin.run.cell import Cell
 from dtwin.run.options import ControlOptions
 from dtwin.run.settings import CellSettings
@@ -81,9 +82,21 @@ def late(ticks: int) -> Callable[[Columns], Columns]:
     return way
 
 
+def inverted(columns: Columns) -> Columns:
+    """A switch that is read the wrong way round."""
+    return {**columns, "box_gripped": ~columns["box_gripped"]}
+
+
+def velocities(columns: Columns) -> Columns:
+    """Velocities where angles belong: the differences of the readings."""
+    return {**columns, **{name: np.gradient(columns[name], PERIOD) for name in MEASURED}}
+
+
 MEASURED = ("measured_1", "measured_2", "measured_3")
 VOLTS = ("volts_1", "volts_2", "volts_3")
 SPOILINGS: Mapping[str, tuple[Callable[[Columns], Columns], str]] = {
+    "box_gripped inverted": (inverted, "box_gripped looks inverted"),
+    "velocities": (velocities, "measured_1 to 3 look like velocities"),
     "degrees": (times(180.0 / np.pi, *MEASURED), "angles look like degrees"),
     "degrees of one joint": (times(180.0 / np.pi, "measured_2"), "angles of joint 2 look like degrees"),
     "turns": (times(0.5 / np.pi, *MEASURED), "angles look like turns"),

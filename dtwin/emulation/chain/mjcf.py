@@ -15,6 +15,7 @@ import mujoco
 import numpy as np
 
 from dtwin.arm.chain import Actuator, Arm, Array, Commanded, Friction, Joint, Link, steiner
+from dtwin.arm.tip import ends_of, fingers_begin
 from dtwin.emulation.model import one_line
 from dtwin.errors import ModelError, choices
 from dtwin.files import reason_of
@@ -52,7 +53,7 @@ def read_mjcf(path: Path, tip: str | None = None) -> Arm:
 
     Args:
         path: MJCF file; the meshes that it names must be there.
-        tip: last body of the chain; None for the one that most joints move, if there is only one.
+        tip: last body of the chain; None for the one that most joints move, or where its fingers begin.
 
     Raises:
         ModelError: MuJoCo cannot compile the file; the chain is not clear, is closed to a loop or has a joint that
@@ -61,7 +62,8 @@ def read_mjcf(path: Path, tip: str | None = None) -> Arm:
     model = compiled(path)
     chain = _chain(path, model, tip)
     _refuse_constraints(path, model, chain)
-    joints, links, remarks = [], [], []
+    joints, links = [], []
+    remarks = [] if tip or not _has_fingers(model, chain[-1]) else [fingers_begin(model.body(chain[-1]).name)]
     frame = _Frame(np.eye(3), np.zeros(3))
     anchor = np.zeros(3)
     for body in chain:
@@ -123,13 +125,19 @@ def _chain(path: Path, model: mujoco.MjModel, tip: str | None) -> list[int]:
         last = [body for body, count in moved.items() if count == most and _joints_of(model, body)]
         if not most:
             raise ModelError(f"{path}: expected a body that a hinge or slide moves, got none")
-        if len(last) != 1:
-            ends = choices([model.body(body).name for body in last])
-            raise ModelError(f"{path}: expected a tip, as several chains have {most} joints: {ends}")
-        found = list(_above(model, last[0]))
+        ends = ends_of([[(above, moved[above]) for above in _above(model, body)][::-1] for body in last])
+        if len(ends) != 1:
+            said = choices([model.body(body).name for body in ends])
+            raise ModelError(f"{path}: expected a tip, as several chains have {most} joints: {said}")
+        found = list(_above(model, ends[0]))
     if not any(_joints_of(model, body) for body in found):
         raise ModelError(f"{path}: tip {tip!r}: expected a body that a joint moves")
     return found[::-1]
+
+
+def _has_fingers(model: mujoco.MjModel, end: int) -> bool:
+    """Whether joints move anything below the end of a chain."""
+    return any(end in _above(model, body) and _joints_of(model, body) for body in range(end + 1, model.nbody))
 
 
 def _counts(model: mujoco.MjModel, number: int) -> int:
