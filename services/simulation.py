@@ -66,6 +66,7 @@ from dtwin.twin.effects import NO_EFFECTS
 log = logging.getLogger(__name__)
 
 NAME: Final = "simulation"
+_STARTING: Final = "the simulation service is not ready yet: `dtwin status` shows what it does"
 RETRY: Final = 0.2
 """Time between two attempts to reach the controller, s."""
 
@@ -143,6 +144,7 @@ class Simulation:
         self._history = history
         self._checker = checker
         self._uploader: Uploader | None = None
+        self._missing = _STARTING
         self._lock = threading.Lock()
         self._pairs: Pairs[Sensors, PathAngles] = Pairs()
         self._time = 0.0
@@ -167,11 +169,13 @@ class Simulation:
             try:
                 uploader = Uploader(BridgePort(service.bus), self._history, self._checker)
             except CommunicationError as error:
+                self._missing = f"the controller has not answered yet: {error}"
                 log.info("%s", error)
                 service.next(RETRY)
             if service.report_due():
                 service.report("waiting")
         if uploader is not None:
+            self._missing = _STARTING
             prepare(service, [("what the arm may lack", partial(self._tolerate, uploader))])
             self._uploader = uploader
         self._follow()
@@ -259,7 +263,7 @@ class Simulation:
 
     def _there(self) -> Uploader:
         if self._uploader is None:
-            raise CommunicationError("the controller has not answered yet; try again")
+            raise CommunicationError(self._missing)
         return self._uploader
 
     def _change(self, action: Callable[[Uploader], Entry]) -> Upload:

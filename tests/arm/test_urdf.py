@@ -209,3 +209,14 @@ def test_a_loop_that_would_fall_over_is_told_by_check(
     (tmp_path / "light.toml").write_text(f'model = "light.urdf"\n{drive}')
     assert main(["arm", "check", str(tmp_path / "light.toml")]) == status
     assert ("the loop is not stable" in capsys.readouterr().out) is bool(status)
+
+
+def test_a_drive_that_does_not_hold_the_arm_is_told_by_check(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    limit = '<limit lower="-3" upper="3" velocity="3" effort="5"/>'
+    (tmp_path / "light.urdf").write_text(LIGHT.format(centre=0.1, limit=limit))
+    drive = '[joints.turn]\ncommanded = "N m"\nlimit = 0.01\nacceleration = 5.0\n'
+    (tmp_path / "light.toml").write_text(f'model = "light.urdf"\n{drive}')
+    assert main(["arm", "check", str(tmp_path / "light.toml")]) == 1
+    assert "joints.turn: its drive gives 0.01 N m at most" in capsys.readouterr().out

@@ -6,6 +6,7 @@ is ended by it once it has shown something.
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import signal
@@ -93,10 +94,14 @@ class Shell:
         )
 
     def bring_up(self, line: str) -> None:
-        """Starts a cell in place of the one before, and waits until others can join it."""
+        """Starts a cell in place of the one before, and waits until all its services run."""
         self.take_down()
         self.up = self.start(line)
-        until(lambda: self.run("scripts/dtwin status")[0] == 0, f"{line} is up", 300.0)
+        until(self._runs, f"{line} is up", 300.0)
+
+    def _runs(self) -> bool:
+        status, said = self.run("scripts/dtwin status --json")
+        return status == 0 and all(each["state"] == "running" for each in json.loads(said)["services"].values())
 
     def take_down(self) -> None:
         if self.up is not None:

@@ -13,14 +13,19 @@ from rich.table import Table
 
 from dtwin.arm.chain import Arm
 from dtwin.arm.file import FOLDER, SUFFIX, names
+from dtwin.arm.poses import drawn_poses
 from dtwin.arm.text import findings, imported, summary
 from dtwin.commands.frame import JsonOption
 from dtwin.controller.chain.application import Control
 from dtwin.emulation.chain.arms import arm_of, chain_of
+from dtwin.equations.rigid import inverse_dynamics
 from dtwin.errors import DtwinError, ModelError
 from dtwin.files import ensure_writable, replacing
 from dtwin.simulation.margins.chain import margins
 from dtwin.terminal import as_text, print_json, print_table, printable
+
+_POSES = 200
+"""Poses at which the drives are asked whether they hold the arm."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +82,7 @@ class ArmCheck:
 
     def execute(self) -> int:
         arm = arm_of(self.arm)
-        found = findings(arm) or _unstable(arm)
+        found = findings(arm) or [*_weak(arm), *_unstable(arm)]
         _print([*summary(arm), *(found or ["it can be driven"])])
         return 1 if found else 0
 
@@ -101,6 +106,20 @@ class ArmList(JsonOption):
             table.add_row(as_text(name), as_text(line))
         print_table(table)
         return 0
+
+
+def _weak(arm: Arm) -> list[str]:
+    """Which joints do not hold the arm at some of the drawn poses, as lines for people; nothing if all do."""
+    poses = drawn_poses(arm, _POSES, np.random.default_rng(0), 1.0).positions
+    rest = np.zeros_like(poses)
+    needed = np.max(np.abs(inverse_dynamics(arm, poses, rest, rest)), axis=0)
+    return [
+        f"joints.{joint.name}: its drive gives {joint.largest:.3g} {unit} at most, and {most:.3g} {unit} are needed "
+        "to hold the arm at some poses: correct limit, constant or effort, or narrow lower and upper"
+        for joint, most in zip(arm.joints, needed, strict=True)
+        if most > joint.largest
+        for unit in ("N m" if joint.turns else "N",)
+    ]
 
 
 def _unstable(arm: Arm) -> list[str]:

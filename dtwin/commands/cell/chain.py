@@ -143,7 +143,7 @@ def _print(result: ChainRun, log: Path | None, record: Path | None) -> None:
             f"{1e3 * boxes['placement_error_mean']:.2f} mm on average"
         )
     if score["stop"]:
-        hint = "`dtwin arm check` tells whether its loop is stable"
+        hint = "`dtwin arm check` tells whether its loop is stable and its drives hold it"
         lines["stop"] = f"safe stop {score['stop']} is in force: a joint left its path; {hint}"
     if log is not None:
         lines["log"] = str(log)
