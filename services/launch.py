@@ -11,7 +11,7 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -30,12 +30,13 @@ from dtwin.files import LOG, RECORDING, ensure_writable
 from dtwin.identification.store import STORE, ModelStore, model_path
 from dtwin.names import check_name
 from dtwin.options import arguments
-from dtwin.parameters import ROOT, SOURCE
+from dtwin.parameters import SOURCE
 from dtwin.recovery.modes import RecoveryMode
 from dtwin.run.loop import tick_count
 from dtwin.run.options import ArmOptions, CellFileOption, ControlOptions, PlantOptions
 from dtwin.run.settings import CellSettings, metadata, sequence_name
 from dtwin.services import runfile
+from dtwin.services.chain.starting import OtherArm, OtherArmOptions, other_arm, programs_of
 from dtwin.services.parts.fence import fence_warning
 from dtwin.services.parts.journal import carry_over
 from dtwin.services.parts.launched import Launched
@@ -60,7 +61,7 @@ SILENCE: Final = 10.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class CellOptions(PlantOptions, ControlOptions):
+class CellOptions(PlantOptions, ControlOptions, OtherArmOptions):
     """Which services a cell has, and what they do."""
 
     controller: str = "embedded"
@@ -105,7 +106,8 @@ class CellOptions(PlantOptions, ControlOptions):
     cell: str = "cell"
     """Name of the cell, first in the keys."""
     arm: str = "arm"
-    """Name of the arm, second in the keys."""
+    """Another arm than the thesis's: a name of arms/, its file (*.toml) or a model (*.urdf, *.xml), docs/arms.md;
+    any other word is a name for the thesis's arm, second in the keys."""
     zenoh: Path | None = None
     """Zenoh configuration file, or a folder with one per service; else peers on this machine."""
 
@@ -116,15 +118,14 @@ class CellOptions(PlantOptions, ControlOptions):
             DtwinError: an option is out of range or cannot be read.
         """
         check_name(self.cell, "cell")
-        check_name(self.arm, "arm")
-        if self.arm != "thesis" and (ROOT / "arms" / f"{self.arm}.toml").exists():
-            raise ParameterError(
-                f"--arm {self.arm}: expected a name for the keys of this cell; the arms of the folder arms run by"
-                f" `dtwin run --arm {self.arm}`"
-            )
+        other = self.other
+        check_name(self.key if other is None else other.key, "arm")
         if self.duration is not None:
             tick_count(self.duration)
-        self._check_plant()
+        if other is None:
+            self._check_plant()
+        else:
+            _check_apart("chain.check", other.words)
         for path, ending in ((self.log, LOG), (self.record, RECORDING)):
             if path is not None:
                 ensure_writable(path, ending)
@@ -163,12 +164,21 @@ class CellOptions(PlantOptions, ControlOptions):
         settings = self.settings()
         check_noise(settings.noise_kind, settings.noise)
         if arguments(replace(self, seed=0, noise=None, noise_kind=None), PlantOptions):
-            command = [sys.executable, "-m", "dtwin.services.check", *arguments(self, PlantOptions)]
-            made = subprocess.run(
-                command, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": str(SOURCE)}, check=False
-            )
-            if made.returncode:
-                raise ParameterError(made.stderr.strip().splitlines()[-1].removeprefix("check: "))
+            _check_apart("check", arguments(self, PlantOptions))
+
+    @property
+    def other(self) -> OtherArm | None:
+        """The arm, if it is another one than the thesis's.
+
+        Raises:
+            DtwinError: the cell's file cannot be read, or an option has no meaning for such an arm.
+        """
+        return other_arm(self)
+
+    @property
+    def key(self) -> str:
+        """Name of the arm in the keys."""
+        return self.arm if (other := self.other) is None else other.key
 
     def settings(self) -> CellSettings:
         """The emulated cell and its controller that the options stand for.
@@ -181,7 +191,7 @@ class CellOptions(PlantOptions, ControlOptions):
     def bus(self, meet: str, key: bytes) -> Bus:
         """A session of the operator, who knows the key of the services, or of the supervisor that others join."""
         session = open_configured(self.zenoh, SUPERVISOR, OPERATOR) if self.zenoh else open_peer(meet)
-        return Bus(session, self.cell, self.arm, key)
+        return Bus(session, self.cell, self.key, key)
 
     def programs(self, meet: str, file: Path, ports: Ports, console: int) -> list[Program]:
         """The services in the order to be started; each waits for those it needs.
@@ -192,9 +202,11 @@ class CellOptions(PlantOptions, ControlOptions):
             ports: ports of the viewer.
             console: port of the console.
         """
-        link = ["--cell", self.cell, "--arm", self.arm]
+        link = ["--cell", self.cell, "--arm", self.key]
         link += ["--zenoh", str(self.zenoh.resolve())] if self.zenoh else ["--meet", meet]
         turns = self._turns()
+        if (other := self.other) is not None:
+            return programs_of(other, self, [*link, *turns])
         programs = []
         management = self.management(file)
         if self.controller.startswith("forte://"):
@@ -262,6 +274,8 @@ class CellOptions(PlantOptions, ControlOptions):
         Raises:
             CommunicationError: the path of the run file is too long for sockets beside it.
         """
+        if self.other is not None:
+            return ""
         if self.controller == "embedded":
             address = LocalAddress(runfile.sockets_of(file), MANAGEMENT)
             address.check()
@@ -331,7 +345,7 @@ def launched(options: CellOptions) -> Iterator[Launched]:
         page = ports.page_url if options.viewer == "web" else ""
         up = runfile.Up(
             os.getpid(),
-            options.arm,
+            options.key,
             meet,
             zenoh,
             options.management(file.path),
@@ -358,6 +372,20 @@ def launched(options: CellOptions) -> Iterator[Launched]:
 
 def _service(name: str, options: list[str], leading: bool = False) -> Program:
     return Program(name, [sys.executable, "-m", f"dtwin.services.{name}", *options], leading)
+
+
+def _check_apart(service: str, options: Iterable[str]) -> None:
+    """Has options checked in a process of their own.
+
+    Raises:
+        ParameterError: they cannot be used.
+    """
+    command = [sys.executable, "-m", f"dtwin.services.{service}", *options]
+    made = subprocess.run(
+        command, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": str(SOURCE)}, check=False
+    )
+    if made.returncode:
+        raise ParameterError(made.stderr.strip().splitlines()[-1].removeprefix("check: "))
 
 
 @contextmanager

@@ -10,6 +10,7 @@ from typing import Annotated, Final, Literal, NamedTuple
 
 import msgspec
 
+from dtwin.bus.chain.messages import JointCommands, JointSensors, JointTicks
 from dtwin.bus.controller.messages import IdentificationSignal, SettingsInForce, SettingsRequest, SignalRequest
 from dtwin.bus.line.messages import (
     FlowEffect,
@@ -321,6 +322,9 @@ VOLTAGES: Final = Topic("voltages", "publication", Voltages, None, "bridge", urg
 ACTED: Final = Topic("acted", "publication", Acted, None, "emulator", urgent=True)
 TRUTH: Final = Topic("truth", "publication", Truth, None, "emulator", urgent=True)
 TICKS: Final = Topic("ticks", "publication", PassedTicks, None, "emulator")
+JOINT_SENSORS: Final = Topic("joints/sensors", "publication", JointSensors, None, "emulator", urgent=True)
+JOINT_COMMANDS: Final = Topic("joints/commands", "publication", JointCommands, None, "bridge", urgent=True)
+JOINT_TICKS: Final = Topic("joints/ticks", "publication", JointTicks, None, "emulator")
 EVENTS: Final = Topic("events", "publication", Event, None, "any service")
 STATUS: Final = Topic("status/*", "publication", Status, None, "every service")
 ALIVE: Final = Topic("alive/*", "token", None, None, "every service")
@@ -377,7 +381,20 @@ SET_UP: Final = Topic("twin/overall/setup", "query", SetUpRequest, SetUpDone, "l
 LINE_STOP: Final = Topic("twin/overall/stop", "query", StationWord, LineState, "line", patience=CHECKED)
 LINE_RELEASE: Final = Topic("twin/overall/release", "query", StationWord, LineState, "line", patience=CHECKED)
 TOPICS: Final = (
-    *(SENSORS, VOLTAGES, ACTED, PATH, TRUTH, TICKS, EVENTS, STATUS, ALIVE),
+    *(
+        SENSORS,
+        VOLTAGES,
+        ACTED,
+        PATH,
+        TRUTH,
+        TICKS,
+        JOINT_SENSORS,
+        JOINT_COMMANDS,
+        JOINT_TICKS,
+        EVENTS,
+        STATUS,
+        ALIVE,
+    ),
     *(SETTINGS, SIGNAL, STOP, RELEASE, DESK, FAULT, RESET, LATCH, SAMPLE_BACKLOG, ANSWER_BACKLOG, SUMMARY),
     *(IDENTIFICATION, IDENTIFY, DECIDE, UPLOAD, PREDICT, ROLL_BACK, LOOK, PROPOSE, DECIDE_PROPOSAL, ANSWER),
     *(MONITORING, RESIDUALS, ACKNOWLEDGE, WATCH),

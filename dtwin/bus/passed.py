@@ -6,6 +6,7 @@ import threading
 from collections.abc import Callable
 from typing import Any
 
+from dtwin.bus.chain.messages import JointCommands, JointSensors, JointTick, JointTicks
 from dtwin.bus.messages import TOGETHER, Acted, PassedTick, PassedTicks
 from dtwin.bus.ticks import Tick, Ticks
 from dtwin.signals import Sensors, Voltages
@@ -34,6 +35,30 @@ class Passed:
         if self._waiting:
             waiting, self._waiting = tuple(self._waiting), []
             self._publish(PassedTicks(waiting))
+
+
+class PassedJoints:
+    """Ticks of an arm of n joints that wait to be told.
+
+    Args:
+        publish: Function that receives the messages.
+    """
+
+    def __init__(self, publish: Callable[[JointTicks], None]) -> None:
+        self._publish = publish
+        self._waiting: list[JointTick] = []
+
+    def add(self, sensors: JointSensors, command: JointCommands) -> None:
+        """Takes a tick: the sample with which it began, and the command that acted in it."""
+        self._waiting.append(JointTick(sensors, command))
+        if sensors.sequence % TOGETHER == 0:
+            self.tell()
+
+    def tell(self) -> None:
+        """Publishes what waits: a message never holds ticks of two runs."""
+        if self._waiting:
+            waiting, self._waiting = tuple(self._waiting), []
+            self._publish(JointTicks(waiting))
 
 
 class Prompt:

@@ -12,7 +12,20 @@ import time
 from collections import deque
 from typing import Final, NamedTuple
 
-from dtwin.bus.messages import ACTED, LATCH, SENSORS, STOP, Acted, LatchRequest, LatchState, StopRequest, StopState
+from dtwin.bus.chain.messages import JointSensors, JointTicks
+from dtwin.bus.messages import (
+    ACTED,
+    JOINT_SENSORS,
+    JOINT_TICKS,
+    LATCH,
+    SENSORS,
+    STOP,
+    Acted,
+    LatchRequest,
+    LatchState,
+    StopRequest,
+    StopState,
+)
 from dtwin.bus.session import Bus
 from dtwin.errors import CommunicationError
 from dtwin.signals import Sensors
@@ -48,11 +61,13 @@ class _Witness:
 
     def __init__(self, bus: Bus) -> None:
         self._bus = bus
-        self._samples: deque[Sensors] = deque(maxlen=WINDOW)
+        self._samples: deque[Sensors | JointSensors] = deque(maxlen=WINDOW)
         self._without = -1.0
         self._subscriptions = [
             bus.subscribe(SENSORS, Sensors, self._samples.append),
             bus.subscribe(ACTED, Acted, self._note),
+            bus.subscribe(JOINT_SENSORS, JointSensors, self._samples.append),
+            bus.subscribe(JOINT_TICKS, JointTicks, self._note_ticks),
         ]
 
     def end(self) -> None:
@@ -62,6 +77,11 @@ class _Witness:
     def _note(self, acted: Acted) -> None:
         if not any(acted.volts[:3]):
             self._without = acted.time
+
+    def _note_ticks(self, passed: JointTicks) -> None:
+        for tick in passed.ticks:
+            if not any(tick.acted.commands):
+                self._without = tick.sensors.time
 
     def confirm(self) -> StopState:
         """The stop in force, once it is shown.

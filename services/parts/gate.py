@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
+from dtwin.bus.pairs import Numbered
 from dtwin.errors import ParameterError
-from dtwin.signals import Voltages
 
 STALE: Final = 0.050
 """s without a valid command after which the arm gets the safe one"""
@@ -53,7 +53,7 @@ class Gate:
         self._seen = None
         self.expected = sequence
 
-    def take(self, command: Voltages, now: float, sent: float) -> bool:
+    def take(self, command: Numbered, now: float, sent: float) -> bool:
         """Whether the arm shall obey a command that comes now and answers a sample sent at a time."""
         sequence = command.sequence
         if sequence > self.expected:

@@ -16,7 +16,7 @@ from dtwin.run.emulate import emulate
 from dtwin.run.settings import CellSettings
 from dtwin.services.parts.journal import Journal
 from dtwin.services.parts.latch import Latch, Latched
-from dtwin.signals import Quad, Voltages
+from dtwin.signals import Event, Quad, Sensors, Voltages
 
 NO_COMMAND: Final = Voltages(0, 0.0, (0.0, 0.0, 0.0, 0.0), False)
 """What acts before the first command."""
@@ -76,6 +76,10 @@ class JournaledCell:
         """Of boxes and noise."""
         return self._settings.seed
 
+    def read(self) -> Sensors:
+        """The sample of this tick."""
+        return self.emulation.read()
+
     def obey(self, command: Voltages) -> None:
         """Sets the command until the next one."""
         self.command = command
@@ -88,6 +92,14 @@ class JournaledCell:
             pressing: voltage at the gripper that is asked for, V; it counts where it presses harder (negative).
         """
         self.obey(without_torque(self.command, pressing))
+
+    def hold_off(self, command: Voltages) -> None:
+        """0 V for the arm where a command came that may not pass; its gripper may press harder."""
+        self.stop(command.volts[3])
+
+    def drain_events(self) -> list[Event]:
+        """What happened in the cell since the last call."""
+        return self.emulation.drain_events()
 
     def advance(self) -> None:
         """One tick under the command."""

@@ -40,7 +40,7 @@ def test_a_cell_file_says_what_options_say(cell: Path, capsys: pytest.CaptureFix
     assert other["tracking_error_max"] != options["tracking_error_max"]
 
 
-@pytest.mark.parametrize("words", [["up"], ["cell", "check"], ["optimise"]])
+@pytest.mark.parametrize("words", [["cell", "check"], ["optimise"]])
 def test_what_knows_the_arm_of_the_thesis_alone_says_so(
     words: list[str], cell: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

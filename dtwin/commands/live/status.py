@@ -39,7 +39,8 @@ class StatusCommand:
         else:
             console = Console()
             console.print(table(summary))
-            console.print(as_text(f"controller: {runfile.require(self.cell).controller}"), soft_wrap=True)
+            where = runfile.require(self.cell).controller or "the function blocks run in the bridge"
+            console.print(as_text(f"controller: {where}"), soft_wrap=True)
         return 0
 
 

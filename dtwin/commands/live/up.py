@@ -123,6 +123,8 @@ class UpCommand(CellOptions):
         """Tells the user of open ports, at which places the arm will do no work, and what will have no effect."""
         if up.warning:
             print(printable(f"dtwin: warning: {up.warning}"), file=sys.stderr)
+        if self.other is not None:
+            return
         settings = self.settings()
         warn_of_places(settings.task, settings.machine.arm(settings.arm))
         for text in of_no_use(settings, math.inf if self.duration is None else self.duration):
@@ -164,7 +166,8 @@ def detached(cell: str, kind: str = "cell") -> runfile.Up:
 def _addresses(up: runfile.Up) -> list[str]:
     """Lines that tell where the controller is managed, where others join, and where the cell is shown, if it is."""
     join = f"joins it as the configuration in {up.zenoh} says" if up.zenoh else f"connects to {up.meet}, as a peer"
-    lines = [f"the controller's device management is at {up.controller}", f"a Zenoh program {join}"]
+    lines = [f"the controller's device management is at {up.controller}"] if up.controller else []
+    lines.append(f"a Zenoh program {join}")
     lines += [f"the cell is shown at {up.page}", *([] if has_gpu() else [BEHIND])] if up.page else []
     return [*lines, f"its operators' console is at {up.console}"] if up.console else lines
 

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from dtwin.arm.chain import Array
-from dtwin.controller.chain.application import ARM, LIBRARY, SEQUENCE, STOP, joint_name, network
+from dtwin.controller.chain.application import ARM, LIBRARY, SEQUENCE, STOP, VERDICT, joint_name, network
 from dtwin.controller.runtime import Blocks, running
+from dtwin.signals import ARM_STATES, STOPS, ArmState, Stop
 from iec61499 import model
 from iec61499.library import Library
 
@@ -37,9 +38,9 @@ class ChainController:
         self.resource: Blocks = running(_started(network(joints)), _library(blocks, Library([blocks]).stamp()))
         for name, value in values.items():
             self.resource.write(name, value)
-        server = self.resource.server(ARM)
+        server, verdict = self.resource.server(ARM), self.resource.server(VERDICT)
         self.resource.start()
-        self._exchange = server.exchange
+        self._exchange, self._verdict = server.exchange, verdict.exchange
         self.grips = False
         names = [joint_name(k) for k in range(joints)]
         self._desired = [self.resource.reader((f"{name}.PATH.Q_D", f"{name}.PATH.QD_D")) for name in names]
@@ -61,6 +62,14 @@ class ChainController:
         """
         *commands, self.grips = self._exchange((*positions, box))
         return tuple(commands)
+
+    def judge(self, state: ArmState, confidence: float, release: bool = False) -> Stop:
+        """Sends a verdict on the arm, its probability, and whether an operator releases it; returns the stop.
+
+        Only a sure failure changes the stop; a release takes effect unless the arm still brakes.
+        """
+        (stop,) = self._verdict((ARM_STATES.index(state), confidence, release))
+        return STOPS[int(stop)]
 
     def desired(self) -> tuple[Array, Array]:
         """Desired positions and velocities at the last sample, (n,) each."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import Callable
-from typing import Final
+from typing import Final, Protocol
 
 from dtwin.bus.messages import (
     EVENTS,
@@ -23,10 +23,9 @@ from dtwin.bus.messages import (
     StopState,
 )
 from dtwin.bus.session import Bus
-from dtwin.controller.device import SafeStop
 from dtwin.errors import CommunicationError
 from dtwin.services.parts.latch import stronger
-from dtwin.signals import RELEASED, Event, EventKind, Stop
+from dtwin.signals import RELEASED, ArmState, Event, EventKind, Stop
 
 log = logging.getLogger(__name__)
 
@@ -36,6 +35,15 @@ TIMEOUT: Final = 1.0
 """Longest wait for an answer of the emulator, s."""
 KEPT: Final = " (kept until somebody releases it)"
 OWN: Final = " (the controller has stopped the arm: it left its path, or was too fast)"
+
+
+class SafeStopBlocks(Protocol):
+    """The safe stop in the blocks of a controller. All methods return the stop in force after the call, and raise
+    CommunicationError when the controller does not answer."""
+
+    def now(self) -> Stop: ...
+    def judge(self, state: ArmState, confidence: float) -> Stop: ...
+    def release(self) -> Stop: ...
 
 
 class Stops:
@@ -53,7 +61,9 @@ class Stops:
         stop: strongest of the stops in the blocks and in the latch when they were last asked.
     """
 
-    def __init__(self, bus: Bus, holder: bytes, blocks: Callable[[], SafeStop], time: Callable[[], float]) -> None:
+    def __init__(
+        self, bus: Bus, holder: bytes, blocks: Callable[[], SafeStopBlocks], time: Callable[[], float]
+    ) -> None:
         self.answering = threading.Lock()
         self.known = False
         self.stop: Stop = "none"

@@ -1,0 +1,1 @@
+"""What passes on the bus of a cell whose arm is another one than the thesis's."""

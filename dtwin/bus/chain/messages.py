@@ -1,0 +1,67 @@
+"""The signals of an arm of n joints on the bus: its samples, the commands that answer them, and what has passed.
+
+The topics stand in the table of dtwin/bus/messages.py. Lists have one number for each joint, from the base outward.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Final
+
+import msgspec
+
+from dtwin.signals import SCHEMA, Count, Seconds
+
+MOST_JOINTS: Final = 64
+TOGETHER: Final = 5
+"""Largest number of ticks that are told together once they have passed."""
+Joints = Annotated[tuple[float, ...], msgspec.Meta(min_length=1, max_length=MOST_JOINTS)]
+
+
+class JointSensors(msgspec.Struct, frozen=True, gc=False, tag_field="schema", tag=SCHEMA):
+    """One sample of the encoders.
+
+    Attributes:
+        sequence: count of ticks from 0.
+        time: time of the plant, s.
+        theta: measured positions, rad or m.
+        box: place of the box that waits, from 1; 0 if none waits.
+    """
+
+    sequence: Count
+    time: Seconds
+    theta: Joints
+    box: Count = 0
+
+
+class JointCommands(msgspec.Struct, frozen=True, gc=False, tag_field="schema", tag=SCHEMA):
+    """One answer of the controller.
+
+    Attributes:
+        sequence: number of the sample that it answers.
+        time: time of that sample, s.
+        commands: what the drives are commanded, in their own units.
+        target: desired positions at the sample, rad or m.
+        gripped: whether the gripper is closed.
+    """
+
+    sequence: Count
+    time: Seconds
+    commands: Joints
+    target: Joints
+    gripped: bool = False
+
+
+class JointTick(msgspec.Struct, frozen=True, gc=False):
+    """A tick that has passed: its sample, and the commands that acted from then on until the next one."""
+
+    sensors: JointSensors
+    acted: JointCommands
+
+
+class JointTicks(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """Ticks that have passed, oldest first.
+
+    A message ends with the tick whose number is a multiple of `TOGETHER`, or where the run ends or begins anew.
+    """
+
+    ticks: Annotated[tuple[JointTick, ...], msgspec.Meta(min_length=1, max_length=TOGETHER)]

@@ -1,0 +1,193 @@
+"""The controller of an arm of n joints on the bus: function blocks in this process, a sample in, an answer out.
+
+Samples that were missed are made up for on a straight line, so that the path goes on with the time of the plant.
+After a longer gap, and when the arm has begun anew, other blocks begin from where it is.
+"""
+
+from __future__ import annotations
+
+import logging
+import sys
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+from dtwin.bus.chain.messages import JointCommands, JointSensors
+from dtwin.bus.messages import EVENTS, JOINT_COMMANDS, JOINT_SENSORS, State
+from dtwin.controller.chain.application import inputs
+from dtwin.controller.chain.embedded import ChainController
+from dtwin.equations.rigid import usual_inertia
+from dtwin.errors import CommunicationError
+from dtwin.run.chain import ChainSettings
+from dtwin.services.chain.options import ArmCellOptions
+from dtwin.services.parts.stopping.stops import Stops
+from dtwin.services.parts.strides import GAP
+from dtwin.services.service import Link, Service, main
+from dtwin.signals import STOPS, ArmState, Event, EventKind, Stop
+
+log = logging.getLogger(__name__)
+
+NAME: Final = "bridge"
+WAIT: Final = 0.2
+"""Longest wait for a sample before the status is looked after, s."""
+
+RECENT: Final = 1.0
+"""Largest time from the last answer to an event that is about this arm as it is now, s."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options(ArmCellOptions, Link):
+    """Answer the samples of an arm by its function blocks."""
+
+    lossless: bool = False
+    """Wait for slow subscribers, as a lockstep run wants it."""
+
+    def run(self) -> int:
+        settings = self.settings()
+        with Service(NAME, self) as service:
+            ArmBridge(service, settings, self.lossless).run()
+        return 0
+
+
+class ArmBridge:
+    """Answers samples.
+
+    Args:
+        service: frame of this service.
+        settings: run of the arm, with what its controller knows of it.
+        lossless: whether to wait for slow subscribers.
+    """
+
+    def __init__(self, service: Service, settings: ChainSettings, lossless: bool) -> None:
+        bus = service.bus
+        self._service = service
+        self._settings = settings
+        self._inputs = inputs(settings.arm, usual_inertia(settings.arm), settings.control, settings.poses)
+        self._blocks = OwnBlocks(self._begun)
+        self._last: JointCommands | None = None
+        self._before: JointSensors | None = None
+        self._answered = self._skipped = 0
+        self._fallen = False
+        self._publish = bus.publisher(JOINT_COMMANDS, lossless=lossless)
+        self._tell: Callable[[Event], None] = bus.publisher(EVENTS)
+        bus.subscribe(EVENTS, Event, self._note)
+        bus.subscribe(JOINT_SENSORS, JointSensors, service.inbox.put)
+        self._stops = Stops(bus, self._publish.sender, lambda: self._blocks, self._time)
+
+    def run(self) -> None:
+        """Works until it is asked to end."""
+        service = self._service
+        service.ready()
+        while not service.stopping:
+            sample = service.next(WAIT)
+            if sample is not None:
+                with self._stops.answering:
+                    self._answer(sample)
+            if service.report_due():
+                stopped = self._stops.stop != "none"
+                state: State = "waiting" if not self._stops.known else "stopped" if stopped else "running"
+                service.report(state, self._answered, time=self._time(), late_ticks=self._skipped)
+
+    def _answer(self, sample: JointSensors) -> None:
+        """Answers a sample, unless a newer one waits; the same sample has the same answer."""
+        last, before = self._last, self._before
+        if last is not None and (sample.sequence, sample.time) == (last.sequence, last.time):
+            self._publish(last)
+            return
+        if not (self._stops.known or self._stops.remind()):
+            return
+        if len(sample.theta) != len(self._settings.arm):
+            log.warning("a sample has %d joints, expected %d", len(sample.theta), len(self._settings.arm))
+            return
+        gap = 1 if before is None else sample.sequence - before.sequence
+        if gap < 1:  # an arm that begins anew: its blocks do so, too, and may not forget a stop
+            self._begin_anew(sample, "the arm has begun anew")
+        elif gap > GAP or self._fallen:
+            self._begin_anew(sample, "it was without torque" if self._fallen else f"{gap - 1} samples were missed")
+        elif before is not None:
+            for k in range(1, gap):
+                self._blocks.step(_between(before, sample, k / gap))
+                self._skipped += 1
+        self._before = sample
+        answer = self._blocks.step(sample)
+        self._last = answer
+        self._stops.notice(self._blocks.stop)
+        if self._service.inbox.empty():  # else a newer sample waits, or the same one again
+            self._publish(answer)
+        self._answered += 1
+
+    def _begin_anew(self, sample: JointSensors, why: str) -> None:
+        self._fallen = False
+        self._blocks.begin()
+        self._stops.renewed()
+        self._stops.remind()
+        self._tell(Event(sample.time, EventKind.RESTORED, f"the blocks begin anew from where the arm is: {why}"))
+
+    def _note(self, event: Event) -> None:
+        """Takes note when the arm has lost its torque, after which it is not where its path is."""
+        self._fallen |= event.kind == EventKind.SAFE and abs(event.time - self._time()) <= RECENT
+
+    def _begun(self) -> ChainController:
+        return ChainController(len(self._settings.arm), self._inputs)
+
+    def _time(self) -> float:
+        return 0.0 if self._last is None else self._last.time
+
+
+class OwnBlocks:
+    """The function blocks in this process, which one thread steps and others ask for their stop.
+
+    Args:
+        make: makes blocks that have just begun.
+    """
+
+    def __init__(self, make: Callable[[], ChainController]) -> None:
+        self._make = make
+        self._lock = threading.Lock()
+        self._controller = make()
+        self.stop: Stop = "none"
+
+    def begin(self) -> None:
+        """Puts new blocks in their place."""
+        controller = self._make()
+        with self._lock:
+            self._controller = controller
+
+    def step(self, sample: JointSensors) -> JointCommands:
+        """The answer of the blocks to a sample."""
+        with self._lock:
+            commands = self._controller.step(sample.theta, sample.box)
+            target = tuple(map(float, self._controller.desired()[0]))
+            self.stop = STOPS[self._controller.stop]
+            return JointCommands(sample.sequence, sample.time, commands, target, bool(self._controller.grips))
+
+    def now(self) -> Stop:
+        """The stop in force."""
+        return self.judge("nominal", 0.0)
+
+    def judge(self, state: ArmState, confidence: float) -> Stop:
+        """Sends a verdict on the arm and its probability."""
+        return self._told(state, confidence, release=False)
+
+    def release(self) -> Stop:
+        """Sends an operator's release."""
+        return self._told("nominal", 0.0, release=True)
+
+    def _told(self, state: ArmState, confidence: float, release: bool) -> Stop:
+        with self._lock:
+            try:
+                return self._controller.judge(state, confidence, release)
+            except CommunicationError as error:
+                raise CommunicationError(f"the safe stop of the blocks: {error}") from None
+
+
+def _between(first: JointSensors, second: JointSensors, share: float) -> JointSensors:
+    """A sample on the line from one to another."""
+    theta = tuple(a + share * (b - a) for a, b in zip(first.theta, second.theta, strict=True))
+    number = first.sequence + round(share * (second.sequence - first.sequence))
+    return JointSensors(number, first.time + share * (second.time - first.time), theta, first.box)
+
+
+if __name__ == "__main__":
+    sys.exit(main(NAME, Options))

@@ -1,0 +1,137 @@
+"""Which services a cell of another arm than the thesis's has, from the options of `dtwin up`.
+
+Like the supervisor, this loads no MuJoCo: what needs it to check an option runs in a process that ends again.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import MISSING, dataclass, fields
+from pathlib import Path
+from typing import Any, Final
+
+from dtwin.arm.file import MODELS
+from dtwin.errors import ParameterError
+from dtwin.parameters import ROOT
+from dtwin.services.supervisor import Program
+
+THESIS: Final = "thesis"
+ENDINGS: Final = (".toml", *MODELS)
+KNOWN: Final = frozenset(
+    {
+        *("arm", "cell_file", "machine", "poses", "path", "sort", "late", "seed"),
+        *("pace", "duration", "log", "cell", "zenoh", "detach", "json"),
+    }
+)
+"""Options of `dtwin up` that mean something for any arm."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class OtherArmOptions:
+    """What another arm than the thesis's does."""
+
+    poses: Path | None = None
+    """TOML file of the poses that another arm takes; some that are drawn by --seed if not given."""
+    path: Path | None = None
+    """CSV file of a path that another arm follows: t, and its joints, or x, y, z of its tool (docs/arms.md)."""
+    sort: Path | None = None
+    """TOML file of a sorting task for another arm (docs/arms.md)."""
+    late: int = 0
+    """Ticks from a command until it acts, for another arm."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class OtherArm:
+    """The arm of a cell that is not the thesis's.
+
+    Attributes:
+        key: its name in the keys of the bus.
+        words: options that all of its services are started with.
+    """
+
+    key: str
+    words: tuple[str, ...]
+
+
+def is_other(arm: str) -> bool:
+    """Whether a value of --arm stands for another arm than the thesis's: its file, model or name of the folder arms.
+
+    Anything else is a name for the keys of the bus.
+    """
+    return Path(arm).suffix.lower() in ENDINGS or (arm != THESIS and (ROOT / "arms" / f"{arm}.toml").exists())
+
+
+def other_arm(options: Any) -> OtherArm | None:
+    """The arm that --arm or the cell's file stands for; None for the thesis's.
+
+    What an option says counts instead of what the file says.
+
+    Args:
+        options: options of `dtwin up`.
+
+    Raises:
+        ModelError: the cell's file cannot be read.
+        ParameterError: an option has no meaning for such an arm.
+    """
+    given: dict[str, Any] = {}
+    if options.cell_file is not None and _has_arm(options.cell_file):
+        from dtwin.run.arm_cell import arm_cell_of  # loads MuJoCo, which other cells are started without
+
+        found = arm_cell_of(options.cell_file)
+        assert found is not None
+        given = {name: getattr(found, name) for name in ("arm", "machine", "poses", "path", "sort", "late")}
+    elif not is_other(options.arm):
+        if options.late or any(each is not None for each in (options.poses, options.path, options.sort)):
+            raise ParameterError("--poses, --path, --sort, --late: expected --arm with another arm than the thesis's")
+        return None
+    _refuse_others(options)
+    task = {name: getattr(options, name) for name in ("poses", "path", "sort")}
+    if any(each is not None for each in task.values()):
+        given |= task
+    arm = options.arm if is_other(options.arm) else given["arm"]
+    own = str(Path(arm).resolve()) if Path(arm).suffix.lower() in ENDINGS else arm
+    words = ["--kind", own, "--machine", options.machine or given.get("machine") or "ideal"]
+    for name in task:
+        if (file := given.get(name)) is not None:
+            words += [f"--{name}", str(file.resolve())]
+    words += ["--late", str(options.late or given.get("late", 0)), "--seed", str(options.seed)]
+    return OtherArm(key=Path(arm).stem, words=tuple(words))
+
+
+def programs_of(other: OtherArm, options: Any, link: list[str]) -> list[Program]:
+    """The services in the order to be started; the blocks run in the bridge.
+
+    Args:
+        other: the arm.
+        options: options of `dtwin up`.
+        link: words that join a service to the bus.
+    """
+    lossless = ["--lossless"] if options.pace != "realtime" else []
+    programs, waits = [], []
+    if options.log:
+        programs.append(_service("recorder", [*link, *other.words, "--log", str(options.log.resolve())]))
+        waits = ["--wait-for", "recorder"]
+    programs.append(_service("bridge", [*link, *other.words, *lossless, *waits]))
+    emulator = [*link, *other.words, "--pace", options.pace, "--wait-for", "bridge"]
+    emulator += [] if options.duration is None else ["--duration", str(options.duration)]
+    return [*programs, _service("emulator", emulator, leading=True)]
+
+
+def _service(name: str, options: list[str], leading: bool = False) -> Program:
+    return Program(name, [sys.executable, "-m", f"dtwin.services.chain.{name}", *options], leading)
+
+
+def _has_arm(cell_file: str) -> bool:
+    from dtwin.run.cell_file import content_of
+
+    return isinstance(content_of(cell_file)[1].get("arm"), str)
+
+
+def _refuse_others(options: Any) -> None:
+    """Refuses what means something for the thesis's arm alone."""
+    for field in fields(options):
+        default = field.default_factory() if field.default_factory is not MISSING else field.default
+        if field.name not in KNOWN and getattr(options, field.name) != default:
+            known = ", ".join(f"--{name.replace('_', '-')}" for name in sorted(KNOWN - {"arm"}))
+            name = field.name.replace("_", "-")
+            raise ParameterError(f"--{name}: has no meaning for another arm than the thesis's: expected {known}")
