@@ -5,9 +5,11 @@ import re
 import shlex
 from contextlib import redirect_stdout
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import msgspec
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
 from dtwin.arm import sorting
@@ -28,8 +30,9 @@ def walked(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
         (folder / name).mkdir()
     waiting = {language: list(names) for language, names in FILES.items()}
     printed = io.StringIO()
-    with pytest.MonkeyPatch.context() as patch, redirect_stdout(printed):
+    with TemporaryDirectory() as runtime, pytest.MonkeyPatch.context() as patch, redirect_stdout(printed):
         patch.chdir(folder)
+        patch.setenv("XDG_RUNTIME_DIR", runtime)  # its path is short, and no other cell is up there
         for language, text in re.findall(r"```(\w+)\n(.*?)```", PAGE, re.DOTALL):
             if language in waiting:
                 (folder / waiting[language].pop(0)).write_text(text)
@@ -53,6 +56,12 @@ def test_the_page_leads_from_a_urdf_to_an_identified_arm(walked: tuple[Path, str
     before, after = read_urdf(folder / "mine.urdf"), read_urdf(folder / "found.urdf")
     assert [link.name for link in after.links] == [link.name for link in before.links]
     assert not np.allclose(before.parameters, after.parameters)
+
+
+def test_the_services_log_what_the_run_of_the_page_does(walked: tuple[Path, str]) -> None:
+    table = pq.read_table(walked[0] / "served.parquet")
+    assert len(table) == 1000
+    assert {"q_3", "target_3", "sent_3", "current_3"} <= set(table.schema.names)
 
 
 def test_the_blocks_of_the_page_are_there(walked: tuple[Path, str]) -> None:

@@ -12,14 +12,7 @@ import msgspec
 
 from dtwin.bus.chain.messages import JointCommands, JointSensors, JointTicks
 from dtwin.bus.controller.messages import IdentificationSignal, SettingsInForce, SettingsRequest, SignalRequest
-from dtwin.bus.line.messages import (
-    FlowEffect,
-    LineState,
-    SetUpDone,
-    SetUpQuestion,
-    SetUpRequest,
-    StationWord,
-)
+from dtwin.bus.line.messages import FlowEffect, LineState, SetUpDone, SetUpQuestion, SetUpRequest, StationWord
 from dtwin.bus.proposals.messages import (
     AnswerRequest,
     LineLook,

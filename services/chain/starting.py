@@ -10,13 +10,13 @@ from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
 from typing import Any, Final
 
-from dtwin.arm.file import MODELS
 from dtwin.errors import ParameterError
 from dtwin.parameters import ROOT
 from dtwin.services.supervisor import Program
 
 THESIS: Final = "thesis"
-ENDINGS: Final = (".toml", *MODELS)
+ENDINGS: Final = (".toml", ".urdf", ".xml", ".mjcf")
+"""Of the files that an arm is read from: its own, and those of dtwin.arm.file.MODELS, which loads numpy."""
 KNOWN: Final = frozenset(
     {
         *("arm", "cell_file", "machine", "poses", "path", "sort", "late", "seed"),

@@ -8,14 +8,20 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 
+from dtwin.arm.file import MODELS
 from dtwin.bus.chain.messages import JointSensors
 from dtwin.bus.messages import JOINT_SENSORS
+from dtwin.services.chain.starting import ENDINGS
 from dtwin.services.runfile import join
 from tests.run.test_chain_sorting import TASK
 from tests.support.desk import Desk
 from tests.support.waiting import until
 
 CELL = 'arm = "planar-2r"\nmachine = "7"\nsort = "task.toml"\nlate = 1\n'
+
+
+def test_all_models_of_arms_are_taken_for_arms() -> None:
+    assert set(ENDINGS) == {".toml", *MODELS}
 
 
 def test_lockstep_over_zenoh_logs_what_a_headless_run_of_the_arm_logs(desk: Desk, tmp_path: Path) -> None:
