@@ -136,13 +136,16 @@ def _with_constants(likely: Sequence[Suspicion]) -> list[Suspicion]:
 
 
 def _stepped(fault: FaultId, onset: Onset, sizes: dict[str, float], history: Moments, sample: int) -> list[Candidate]:
-    """That an encoder's offset has jumped at a sample of the largest innovations between an onset and the next."""
+    """That an encoder's offset has jumped at a sample of the largest innovations between an onset and the next.
+
+    Samples in doubt are looked at, too: what pushes the arm then is in the deviation that the innovation is held to.
+    """
     estimator, joint, innovations = onset.estimator.copy(), fault.joint - 1, []
     for moment in history.last(sample - onset.sample)[: onset.gap]:
         estimator.predict(moment.volts, moment.gripped, moment.doubt)
         estimator.correct(moment.measured, moment.used)
-        counts = moment.counts and moment.used[joint]
-        innovations.append(estimator.innovation[joint] ** 2 / estimator.variance[joint] if counts else 0.0)
+        used = moment.used[joint]
+        innovations.append(estimator.innovation[joint] ** 2 / estimator.variance[joint] if used else 0.0)
     delays = sorted(range(1, len(innovations)), key=lambda delay: -innovations[delay])[:_STEPS]
     return [Candidate(fault, onset, sizes, delay=delay) for delay in delays]
 

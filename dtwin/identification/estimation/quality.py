@@ -21,6 +21,14 @@ STILL: Final = 1e-3
 """Standard deviation of an angle below which the joint stood still, rad."""
 FASTEST: Final = 1.0
 """Largest change of an angle between two samples, rad: 100 rad/s at 10 ms, ten times what the motors can do."""
+REPEATS: Final = 0.05
+"""Least share of readings that repeat the one before of an encoder whose code shows."""
+_SMALLEST: Final = 0.01
+"""Quantile of the steps that counts as the smallest: one in a hundred readings may be disturbed."""
+_ALIKE: Final = 2.5
+"""Ratio of the widest code of an encoder to its narrowest."""
+_NEXT: Final = 0.2
+"""Least share of the steps that lead to the next code."""
 
 
 def check(experiments: Sequence[Experiment], unknowns: int) -> None:
@@ -58,6 +66,26 @@ def noise(measured: Array) -> Array:
     # The variance of the third difference of white noise is 1 + 9 + 9 + 1 times that of the noise.
     result: Array = 1.4826 * np.median(differences, axis=0) / np.sqrt(20.0)
     return result
+
+
+def code_width(steps: Array, repeats: float) -> float | None:
+    """The width of an encoder's code, rad, though its readings are on no grid, as after a table has corrected them.
+
+    Codes of such an encoder are about equally wide. Most of its small steps lead from one code to the next, while an
+    encoder of fine resolution has steps of all sizes.
+
+    Args:
+        steps: (n,), differences of neighbouring readings that are not zero, rad.
+        repeats: share of the readings that repeat the one before.
+
+    Returns:
+        the width, None of an encoder that shows no code.
+    """
+    if repeats < REPEATS or not len(steps):
+        return None
+    least = float(np.quantile(steps, _SMALLEST))
+    next_ones = steps[steps <= _ALIKE * least]
+    return float(np.median(next_ones)) if len(next_ones) >= _NEXT * len(steps) else None
 
 
 def _check_range(experiment: Experiment) -> None:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from dtwin.errors import IdentificationError
 from dtwin.identification.data import Array
+from dtwin.identification.estimation.quality import code_width
 from dtwin.identification.machine.record import EncoderCheck, SensorCheck
 from dtwin.logs.log import Log
 from dtwin.parameters import PERIOD
@@ -85,17 +86,19 @@ def step_of(readings: Array) -> float | None:
     """The step of an encoder, rad, from its readings, (N,), rad; None if they show none.
 
     Differences of two readings are whole numbers of steps, except where a reading was disturbed. The smallest
-    difference that occurs again and again is the step if nearly all others are multiples of it.
+    difference that occurs again and again is the step if nearly all others are multiples of it. Where a table has
+    corrected the readings it is the width of the codes that they repeat.
     """
     moved = np.abs(np.diff(readings))
     moved = np.sort(moved[moved > _FINEST])
+    off_grid = code_width(moved, 1.0 - len(moved) / max(len(readings) - 1, 1))
     again = moved[_REPEATED - 1 :] - moved[: max(len(moved) - _REPEATED + 1, 0)] < _ALIKE
     if not again.any():
-        return None
+        return off_grid
     count = np.round(moved / moved[np.argmax(again)])
     whole = (np.abs(moved / moved[np.argmax(again)] - count) < _OFF) & (count > 0)
     if np.mean(whole) < _ON_STEPS:
-        return None
+        return off_grid
     return float(np.sum(moved[whole] * count[whole]) / np.sum(count[whole] ** 2))
 
 

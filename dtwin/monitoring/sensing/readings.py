@@ -3,7 +3,8 @@
 An encoder of resolution q reads a multiple of q. A reading that repeats the one before says only that the angle is
 still within the same q. It is looked at again when the estimate has left that, and then measures the nearest angle
 within it. The first one after a step was taken somewhere beyond the edge between the two, by as much as the angle
-moves in a sample. Where noise exceeds the resolution none of this matters.
+moves in a sample. Where noise exceeds the resolution none of this matters. An encoder whose readings a table has
+corrected is on no grid: its resolution is the width of the codes that it repeats.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dtwin.identification.estimation.quality import noise
+from dtwin.identification.estimation.quality import code_width, noise
 from dtwin.monitoring.estimation.belief import NOISE_FLOOR
 from dtwin.monitoring.sensing.judging import DEVIATIONS, FAR, FROZEN, NOISY, RESOLUTIONS, judge, take
 from dtwin.parameters import Triple
@@ -33,6 +34,8 @@ _TELLING: Final = 2
 """steps from which on the resolution is known, and of which the first may be due to anything"""
 _JUDGED: Final = 20
 """steps from which the resolution is judged: later ones may be those of an encoder that has failed"""
+_LEARNED: Final = 1000
+"""samples from which an encoder that is on no grid is judged: it shows its codes at rest and in slow motion only"""
 _ROUNDING: Final = 1e-9
 """rad, less than any resolution and more than errors of rounding"""
 _ALL: Final = np.ones(3, dtype=bool)
@@ -88,6 +91,8 @@ class Readings:
         self._noisy = self._deviation > NOISE_FLOOR
         self._steps = np.zeros(3, dtype=int)
         self._divisor = np.zeros(3)
+        self._looked, self._repeats = 0, np.zeros(3, dtype=int)
+        self._off_grid: tuple[list[float], list[float], list[float]] = ([], [], [])
         self._has_repeated = np.zeros(3, dtype=bool)
         self._angles, self._new = np.zeros(3), np.zeros(3, dtype=bool)
         self._since = np.full(3, np.nan)
@@ -109,7 +114,7 @@ class Readings:
     @property
     def settled(self) -> bool:
         """Whether noise and resolution are known, and no reading is left out or repeats itself too long."""
-        known = not self._unweighed and not self.unheard and min(self._steps.tolist()) >= _JUDGED
+        known = not self._unweighed and not self.unheard and not self._learning
         return known and True not in self.left_out.tolist() and True not in self.frozen.tolist()
 
     def arrays(self) -> ReadingsArrays:
@@ -142,7 +147,7 @@ class Readings:
 
     def take(self, measured: Array) -> Array:
         """Takes in a sample, (3,) rad; returns the angles that it measures, (3,) rad."""
-        if self._steps.min() < _JUDGED:
+        if self._learning:
             known = self._steps >= _TELLING
             self._learn(np.abs(measured - self.last))
         else:
@@ -222,6 +227,9 @@ class Readings:
             self._pace,
             measurements,
         )
+        if self._learning:
+            # Whether one that is on no grid may repeat itself is not known yet.
+            self.frozen &= (self._divisor > NOISE_FLOOR) | (self.resolution > 0.0)
         return measurements
 
     def expect_tails(self, clip: Triple) -> None:
@@ -257,15 +265,33 @@ class Readings:
         first, second, third = total.tolist()
         return first, second, third
 
+    @property
+    def _learning(self) -> bool:
+        """Whether a resolution is not known for sure yet."""
+        off_grid = self._looked < _LEARNED and min(self._divisor.tolist()) <= NOISE_FLOOR
+        return off_grid or min(self._steps.tolist()) < _JUDGED
+
     def _learn(self, steps: Array) -> None:
-        """The resolution divides all steps, (3,) rad, of which the first ones tell it."""
-        telling = (steps > 0.0) & (steps < COARSEST) & (self._steps < _JUDGED)
+        """The resolution divides all steps, (3,) rad, of which the first ones tell it; if nothing does, it is the width
+        of the codes that are repeated."""
+        self._looked += 1
+        self._repeats += steps == 0.0
+        telling = (steps > 0.0) & (steps < COARSEST)
         for i in np.flatnonzero(telling):
-            self._unweighed = True
-            self._steps[i] += 1
-            self._divisor[i] = _common_divisor(self._divisor[i], steps[i])
+            self._off_grid[i].append(float(steps[i]))
+            if self._steps[i] < _JUDGED:
+                self._unweighed = True
+                self._steps[i] += 1
+                self._divisor[i] = _common_divisor(self._divisor[i], steps[i])
             if self._steps[i] >= _TELLING:
-                self.resolution[i] = self._divisor[i] if self._divisor[i] > NOISE_FLOOR else 0.0
+                before, on_grid = self.resolution[i], self._divisor[i] > NOISE_FLOOR
+                self.resolution[i] = self._divisor[i] if on_grid else self._width(int(i))
+                self._unweighed |= self.resolution[i] != before
+
+    def _width(self, joint: int) -> float:
+        """The width of the codes of an encoder that is on no grid, rad; 0 if it has none."""
+        width = code_width(np.array(self._off_grid[joint]), self._repeats[joint] / self._looked)
+        return width if width is not None and width > NOISE_FLOOR else 0.0
 
 
 def _common_divisor(first: float, second: float) -> float:
