@@ -138,16 +138,24 @@ def _with_constants(likely: Sequence[Suspicion]) -> list[Suspicion]:
 def _stepped(fault: FaultId, onset: Onset, sizes: dict[str, float], history: Moments, sample: int) -> list[Candidate]:
     """That an encoder's offset has jumped at a sample of the largest innovations between an onset and the next.
 
-    Samples in doubt are looked at, too: what pushes the arm then is in the deviation that the innovation is held to.
+    While the motion is in doubt a jump hardly shows: it may have come with one of the largest innovations of these
+    samples, or with any, which has come to the same when the doubt ends.
     """
-    estimator, joint, innovations = onset.estimator.copy(), fault.joint - 1, []
-    for moment in history.last(sample - onset.sample)[: onset.gap]:
+    estimator, joint = onset.estimator.copy(), fault.joint - 1
+    known, doubtful, ends = dict[int, float](), dict[int, float](), list[int]()
+    for delay, moment in enumerate(history.last(sample - onset.sample)[: onset.gap]):
         estimator.predict(moment.volts, moment.gripped, moment.doubt)
         estimator.correct(moment.measured, moment.used)
-        used = moment.used[joint]
-        innovations.append(estimator.innovation[joint] ** 2 / estimator.variance[joint] if used else 0.0)
-    delays = sorted(range(1, len(innovations)), key=lambda delay: -innovations[delay])[:_STEPS]
-    return [Candidate(fault, onset, sizes, delay=delay) for delay in delays]
+        off = estimator.innovation[joint] ** 2 / estimator.variance[joint] if moment.used[joint] else 0.0
+        (known if moment.counts else doubtful)[delay] = off
+        ends += [delay - 1] if moment.counts and delay - 1 in doubtful else []
+    delays = [*_largest(known, _STEPS), *_largest(doubtful, _STEPS), *ends]
+    return [Candidate(fault, onset, sizes, delay=delay) for delay in dict.fromkeys(delays) if delay]
+
+
+def _largest(values: dict[int, float], count: int) -> list[int]:
+    """The keys of the largest values, but for the first sample, at which the onset itself is tried."""
+    return sorted((key for key in values if key), key=lambda key: -values[key])[:count]
 
 
 def _told_by(suspected: FaultId, hypothesis: Hypothesis) -> list[FaultId]:

@@ -272,8 +272,10 @@ class Readings:
         return off_grid or min(self._steps.tolist()) < _JUDGED
 
     def _learn(self, steps: Array) -> None:
-        """The resolution divides all steps, (3,) rad, of which the first ones tell it; if nothing does, it is the width
-        of the codes that are repeated."""
+        """The resolution divides all steps, (3,) rad, of which the first ones tell it.
+
+        If nothing divides them, it is the width of the codes that are repeated.
+        """
         self._looked += 1
         self._repeats += steps == 0.0
         telling = (steps > 0.0) & (steps < COARSEST)
