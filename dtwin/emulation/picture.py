@@ -50,6 +50,21 @@ class DrawnBox:
     position: Triple | None = None
 
 
+def renderer_of(model: mujoco.MjModel, width: int, height: int) -> mujoco.Renderer:
+    """A renderer of a model, to be closed.
+
+    Raises:
+        DtwinError: there is no OpenGL here.
+    """
+    model.vis.global_.offwidth, model.vis.global_.offheight = width, height
+    model.vis.quality.offsamples, model.vis.quality.shadowsize = _SAMPLES, _SHADOW
+    try:
+        with warnings.catch_warnings(action="ignore"):
+            return mujoco.Renderer(model, height, width)
+    except (ImportError, AttributeError, RuntimeError, mujoco.FatalError):
+        raise DtwinError(NO_GL) from None
+
+
 class Studio:
     """Takes pictures of a cell; to be closed, or used as a context.
 
@@ -80,16 +95,10 @@ class Studio:
             model.body_pos[joint.bodyid.item(), 0] = length
         self._held = model.geom(_HELD).id
         model.body_pos[model.geom_bodyid[self._held], 0] = arm.length[2]
-        model.vis.global_.offwidth, model.vis.global_.offheight = width, height
-        model.vis.quality.offsamples, model.vis.quality.shadowsize = _SAMPLES, _SHADOW
         self._angles = [joint.qposadr.item() for joint in joints]
         self._half = np.array(model.geom_size[self._held])
         self._model, self._data, self._camera = model, mujoco.MjData(model), camera
-        try:
-            with warnings.catch_warnings(action="ignore"):
-                self._renderer = mujoco.Renderer(model, height, width)
-        except (ImportError, AttributeError, RuntimeError, mujoco.FatalError):
-            raise DtwinError(NO_GL) from None
+        self._renderer = renderer_of(model, width, height)
 
     def __enter__(self) -> Studio:
         return self

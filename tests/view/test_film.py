@@ -161,7 +161,7 @@ def test_a_gif_keeps_time(tmp_path: Path, fps: int) -> None:
 
 def test_a_caption_tells_time_state_and_what_happened_in_one_line_each() -> None:
     events = (Event(1.0, "fault", "two\nlines"), Event(1.5, "stop", "safe stop: braking"))
-    captions = Captions(replace(work(), events=events), 300)
+    captions = Captions(replace(work(), events=events))
     heights = []
     for tick in (50, 120, 200):
         picture = Image.new("RGB", (400, 300), (0, 255, 0))

@@ -29,6 +29,8 @@ _BAR: Final = 0.03
 """Radius of a bar in parts of the length of the arm."""
 _BAR_COLOUR: Final = (0.55, 0.6, 0.66, 1.0)
 _AXLE_COLOUR: Final = (0.25, 0.3, 0.36, 1.0)
+_DOWN, _SUN = (0.3, 0.5, -0.8), (0.5, 0.5, 0.5)
+_SKY, _HAZE = (0.84, 0.88, 0.92), (0.96, 0.97, 0.98)
 
 
 class Geometry:
@@ -79,7 +81,7 @@ def _of_file(arm: Arm) -> mujoco.MjModel | None:
     try:
         spec = mujoco.MjSpec.from_file(str(arm.model))
         spec.compiler.discardvisual = False
-        model = spec.compile()
+        model = _lit(spec)
     except ValueError:
         return None  # such as meshes that are not there, which the chain of a URDF does without
     try:
@@ -116,6 +118,18 @@ def _bars(arm: Arm) -> mujoco.MjModel:
         axle = 1.3 * radius * joint.axis
         shape = mujoco.mjtGeom.mjGEOM_CYLINDER if joint.turns else mujoco.mjtGeom.mjGEOM_CAPSULE
         body.add_geom(type=shape, fromto=[*-axle, *axle], size=[1.3 * radius, 0.0, 0.0], rgba=_AXLE_COLOUR, mass=0.0)
+    return _lit(spec)
+
+
+def _lit(spec: mujoco.MjSpec) -> mujoco.MjModel:
+    """The model with a light background and a sun, where it has none of its own."""
+    if not spec.lights:
+        sun = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
+        spec.worldbody.add_light(type=sun, dir=_DOWN, diffuse=_SUN, castshadow=True)
+    sky = mujoco.mjtTexture.mjTEXTURE_SKYBOX
+    if all(texture.type != sky for texture in spec.textures):
+        gradient = mujoco.mjtBuiltin.mjBUILTIN_GRADIENT
+        spec.add_texture(type=sky, builtin=gradient, rgb1=_SKY, rgb2=_HAZE, width=64, height=384)
     return spec.compile()
 
 

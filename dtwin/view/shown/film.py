@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -27,7 +27,7 @@ _FASTEST_GIF: Final = 50
 """Pictures a second that viewers of a GIF show without slowing them down."""
 _SHOWN: Final = 4.0
 """Time for which a moment that is worth a look is told, plant time, s."""
-_DARK, _RED, _WHITE = (40, 45, 52), (190, 30, 30), (255, 255, 255)
+DARK, _RED, _WHITE = (40, 45, 52), (190, 30, 30), (255, 255, 255)
 _QUALITY: Final = {"crf": "21", "preset": "medium", "threads": "1"}
 """One thread, so that equal films are equal byte by byte."""
 
@@ -58,18 +58,32 @@ def write_film(
         RecordingError: the log is empty, or the path cannot be written.
         DtwinError: there is no OpenGL here, or no encoder.
     """
+    check_kind(path, settings)
+    if not len(log):
+        raise RecordingError(f"{path}: expected a log of at least one tick to draw")
+    ticks = settings.ticks(log.columns["t"])
+    encode(path, _pictures(log, model_file, arm, settings, ticks, progress), settings, len(ticks))
+    return len(ticks)
+
+
+def check_kind(path: Path, settings: FilmSettings) -> None:
+    """Checks that the name of a file says a kind of film that can be made so.
+
+    Raises:
+        ParameterError: it does not.
+    """
     kind = path.suffix.lower()
     if kind not in KINDS:
         raise ParameterError(f"{path}: expected a film *{' or *'.join(KINDS)}")
-    if not len(log):
-        raise RecordingError(f"{path}: expected a log of at least one tick to draw")
     if kind == ".gif" and settings.fps > _FASTEST_GIF:
         raise ParameterError(f"fps: expected at most {_FASTEST_GIF} for a GIF, got {settings.fps}")
-    ticks = settings.ticks(log.columns["t"])
-    encode = _encode_mp4 if kind == ".mp4" else encode_gif
+
+
+def encode(path: Path, pictures: Iterator[Image.Image], settings: FilmSettings, count: int) -> None:
+    """Writes pictures, of which the number is known, to a film that appears complete or not at all."""
+    write = _encode_mp4 if path.suffix.lower() == ".mp4" else encode_gif
     with replacing(path) as temporary:
-        encode(temporary, _pictures(log, model_file, arm, settings, ticks, progress), settings, len(ticks))
-    return len(ticks)
+        write(temporary, pictures, settings, count)
 
 
 def _pictures(
@@ -83,7 +97,7 @@ def _pictures(
     task = task_of(log.metadata)
     theta, gripper = log.angles(), log.columns["gripper"]
     boxes = _Boxes(log, task, arm)
-    captions = Captions(log, settings.height)
+    captions = Captions(log)
     with Studio(model_file, task, arm, settings.width, settings.height, settings.camera) as studio:
         for done, tick in enumerate(ticks.tolist()):
             pixels = studio.picture(theta[tick].tolist(), float(gripper[tick]), boxes.at(tick))
@@ -123,33 +137,38 @@ class _Boxes:
         return [*found, *lying.values()]
 
 
+def write_lines(picture: Image.Image, lines: Sequence[tuple[str, tuple[int, int, int]]]) -> None:
+    """Writes lines into the lower edge of a picture, white on a band of their colour."""
+    size = max(picture.height // 30, 10)
+    font = ImageFont.load_default(size)
+    draw = ImageDraw.Draw(picture)
+    step = size * 3 // 2
+    for number, (text, colour) in enumerate(reversed(lines), 1):
+        top = picture.height - number * step
+        text = " ".join(text.split())
+        wide = draw.textlength(text, font) + size
+        draw.rectangle((0, top, wide, top + step), fill=colour)
+        draw.text((size // 2, top + size // 5), text, _WHITE, font)
+
+
 class Captions:
     """Writes plant time, the controller's state and what happened into pictures of a log."""
 
-    def __init__(self, log: Log, height: int) -> None:
+    def __init__(self, log: Log) -> None:
         self._t = log.columns["t"]
         self._changes = Story().changes(log)
         self._marks = marks(log.events)
-        self._size = max(height // 30, 10)
-        self._font = ImageFont.load_default(self._size)
 
     def write(self, picture: Image.Image, tick: int) -> None:
         """Writes into the picture of a tick, at its lower edge; a stop and a moment worth a look stand in a band."""
         t = float(self._t[tick])
         _, state, stop = [change for change in self._changes if change[0] <= tick][-1]
         recent = [mark for mark in self._marks if mark.time <= t < mark.time + _SHOWN]
-        lines = [(f"{t:.2f} s, {state}", _DARK)]
+        lines = [(f"{t:.2f} s, {state}", DARK)]
         if stop:
             lines.append((f"STOPPED: {stop}", _RED))
         lines += [(f"{mark.kind}: {mark.text}", _RED) for mark in recent if mark.text != stop]
-        draw = ImageDraw.Draw(picture)
-        step = self._size * 3 // 2
-        for number, (text, colour) in enumerate(reversed(lines), 1):
-            top = picture.height - number * step
-            text = " ".join(text.split())
-            wide = draw.textlength(text, self._font) + self._size
-            draw.rectangle((0, top, wide, top + step), fill=colour)
-            draw.text((self._size // 2, top + self._size // 5), text, _WHITE, self._font)
+        write_lines(picture, lines)
 
 
 def _encode_mp4(path: Path, pictures: Iterator[Image.Image], settings: FilmSettings, count: int) -> None:

@@ -37,7 +37,7 @@ class FilmSettings:
     end: float | None = None
     """Plant time at which the film ends, s; that of the log if not given."""
     camera: str = "overview"
-    """Camera of the model file: overview, front or close."""
+    """Camera: overview, front or close; of an arm that is given, overview, front, side or top."""
     caption: bool = True
     """Write plant time, the controller's state, faults, findings and stops into the film."""
 
