@@ -4,35 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Final, Literal, get_args
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
 from dtwin.arm.chain import Arm, Array
-from dtwin.emulation.chain.geometry import Geometry
-from dtwin.emulation.picture import renderer_of
+from dtwin.emulation.chain.picture import VIEWS, ChainStudio
 from dtwin.equations.kinematics import tool_of
 from dtwin.errors import ParameterError, choices
 from dtwin.measurements.measurement import Measurement
 from dtwin.view.shown.film import DARK, check_kind, encode, write_lines
 from dtwin.view.shown.film_settings import FilmSettings
-
-Camera = Literal["overview", "front", "side", "top"]
-_VIEWS: Final[dict[str, tuple[float, float]]] = {
-    "overview": (125.0, -20.0),
-    "front": (90.0, 0.0),
-    "side": (0.0, 0.0),
-    "top": (90.0, -89.0),
-}
-"""Azimuth and elevation of the cameras, degrees."""
-_LOOKED_AT: Final = 200
-"""Rows of a log after which the view is chosen."""
-_ROOM: Final = 0.75
-"""Distance of the camera in parts of the one from which a ball around everything just fits in."""
-_AMBIENT, _DIFFUSE = 0.3, 0.35
 
 
 def write_chain_film(
@@ -60,8 +43,8 @@ def write_chain_film(
         DtwinError: there is no OpenGL here, or no encoder.
     """
     check_kind(path, settings)
-    if settings.camera not in _VIEWS:
-        raise ParameterError(f"camera {settings.camera!r}: expected {choices(get_args(Camera))}")
+    if settings.camera not in VIEWS:
+        raise ParameterError(f"camera {settings.camera!r}: expected {choices(VIEWS)}")
     t = _running(measurement)
     ticks = settings.ticks(t)
     encode(path, _pictures(t, measurement.q, arm, settings, ticks, progress), settings, len(ticks))
@@ -83,35 +66,10 @@ def _pictures(
     ticks: NDArray[np.int64],
     progress: Callable[[int, int], None],
 ) -> Iterator[Image.Image]:
-    geometry = Geometry(arm)
-    camera = _view(arm, geometry, q, settings)
-    light = geometry.model.vis.headlight
-    light.ambient, light.diffuse = (_AMBIENT,) * 3, (_DIFFUSE,) * 3
-    renderer = renderer_of(geometry.model, settings.width, settings.height)
-    try:
+    with ChainStudio(arm, q, tool_of(arm, q)[0], settings.width, settings.height, settings.camera) as studio:
         for done, tick in enumerate(ticks.tolist()):
-            data = geometry.place(q[tick])
-            mujoco.mj_comPos(geometry.model, data)
-            mujoco.mj_camlight(geometry.model, data)
-            renderer.update_scene(data, camera)
-            picture = Image.fromarray(renderer.render())
+            picture = Image.fromarray(studio.picture(q[tick]))
             if settings.caption:
                 write_lines(picture, [(f"{t[tick]:.2f} s", DARK)])
             yield picture
             progress(done + 1, len(ticks))
-    finally:
-        renderer.close()
-
-
-def _view(arm: Arm, geometry: Geometry, q: Array, settings: FilmSettings) -> mujoco.MjvCamera:
-    """A camera that sees all that the arm does."""
-    shown = q[:: -(-len(q) // _LOOKED_AT)]
-    positions = geometry.poses(shown)[0][:, 1:].reshape(-1, 3)
-    points = np.vstack([positions, tool_of(arm, shown)[0], np.zeros((1, 3))])
-    lowest, highest = points.min(axis=0), points.max(axis=0)
-    camera = mujoco.MjvCamera()
-    camera.lookat[:] = 0.5 * (lowest + highest)
-    radius = 0.5 * max(float(np.linalg.norm(highest - lowest)), 1e-3)
-    camera.distance = _ROOM * radius / np.sin(0.5 * np.radians(geometry.model.vis.global_.fovy))
-    camera.azimuth, camera.elevation = _VIEWS[settings.camera]
-    return camera
