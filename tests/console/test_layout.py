@@ -105,6 +105,16 @@ def test_the_overview_is_as_high_as_the_screen(page: Page, size: tuple[int, int]
     assert page.locator(".overview").evaluate("(node) => node.getBoundingClientRect().bottom") > 0.97 * size[1]
 
 
+@pytest.mark.parametrize("size", [(1280, 720), (1920, 1080), (3840, 2160)])
+def test_no_display_is_higher_than_the_screen(made_up: MadeUp, size: tuple[int, int]) -> None:
+    resize(made_up.page, *size)
+    for display in DISPLAYS:
+        made_up.turn(display)
+        assert made_up.page.evaluate("document.documentElement.scrollHeight") == size[1], display
+        panels = made_up.page.locator("main .panel")
+        assert panels.evaluate_all("(nodes) => Math.min(...nodes.map((node) => node.clientHeight))") > 60, display
+
+
 def test_type_and_drawings_grow_with_the_screen(page: Page) -> None:
     size = "parseFloat(getComputedStyle(document.querySelector('h1')).fontSize)"
     scale = "document.querySelector('canvas.arm').getContext('2d').getTransform().a"

@@ -31,6 +31,9 @@ export function panel(title, width, ...children) {
   return el("section", { class: `panel ${width}`, "aria-labelledby": id }, el("h2", { id }, title), ...children);
 }
 
+/** Panels under each other, beside other columns. */
+export const column = (width, ...panels) => el("div", { class: `column ${width}` }, ...panels);
+
 export function figures(rows) {
   return el("dl", { class: "figures" }, ...rows.flatMap(([name, value]) => [el("dt", {}, name), el("dd", {}, value)]));
 }

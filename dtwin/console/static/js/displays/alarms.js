@@ -24,9 +24,9 @@ export function makeAlarms() {
     load();
   });
   const node = el(
-    "div", { class: "grid" },
-    panel("Alarms", "w12", rate, now, answer, form(why, minutes)),
-    panel("History", "w12", form(words), download, history),
+    "div", { class: "grid filling thirds" },
+    panel("Alarms", "w12", rate, now, answer, el("div", { class: "row" }, form(why), form(minutes))),
+    panel("History", "w12", el("div", { class: "row" }, form(words), download), history),
     panel("Events", "w12", events),
   );
   load();

@@ -1,5 +1,5 @@
 // Level 2: what is the arm? Excited, fitted, shown against the model before, kept or not.
-import { el, panel, rebuild, short, table } from "../dom.js";
+import { column, el, panel, rebuild, short, table } from "../dom.js";
 import { commandButton } from "../command.js";
 import { drawCurves } from "../curves.js";
 import { field, form, numberOf } from "../fields.js";
@@ -47,15 +47,14 @@ export function makeIdentification() {
     done: (result) => { compared = result; draw(); },
   });
   const node = el(
-    "div", { class: "grid" },
-    panel("Identify", "w4", el("div", { class: "stack" }, form(free, box), start.node,
-      el("h3", {}, "What has changed, from the motions at work"), form(...Object.values(atWork)), refit.node, progress, said)),
-    panel("Parameters", "w8", parameters),
-    panel("Decide", "w4", el("div", { class: "stack" }, form(name),
+    "div", { class: "grid filling" },
+    column("w4", panel("Identify", "", el("div", { class: "stack" }, form(free, box), start.node,
+      el("h3", {}, "What has changed, from the motions at work"), form(...Object.values(atWork)), refit.node, progress)),
+    panel("Decide", "grow", el("div", { class: "stack" }, form(name),
       el("span", {}, upload, " ", el("label", { for: "with-upload" }, "upload it to the controller, on trial")),
       el("span", {}, anyway, " ", el("label", { for: "anyway" }, "keep it even if it is in doubt")),
-      el("div", { class: "row" }, accept.node, reject.node))),
-    panel("Fit of the models to the motion", "w8", compare, fits, ...canvases),
+      el("div", { class: "row" }, accept.node, reject.node)))),
+    column("w8", panel("Parameters", "grow", said, parameters), panel("Fit of the models to the motion", "grow", compare, fits, ...canvases)),
   );
 
   /** Proposes what the findings name, since they were noticed. */

@@ -1,5 +1,5 @@
 // Level 2: is it still that arm? Measured against predicted, residuals, evidence, findings.
-import { el, panel, rebuild, setText, table } from "../dom.js";
+import { column, el, panel, rebuild, setText, table } from "../dom.js";
 import { acknowledgeFindings, learnNormal } from "../findings.js";
 import { commandButton } from "../command.js";
 import { drawTrend } from "../trend.js";
@@ -28,14 +28,14 @@ export function makeMonitoring() {
   const model = el("p", { class: "quiet" });
   const buttons = [acknowledge, learn, inject, watch, leave];
   const node = el(
-    "div", { class: "grid" },
+    "div", { class: "grid filling headed" },
     panel("Findings", "w8", findings, model, el("div", { class: "row" }, acknowledge.node, learn.node, watch.node, leave.node)),
-    panel("Evidence", "w4", evidence, words),
+    column("w4", panel("Evidence", "grow", evidence, words),
+      panel("Training: faults of the emulated machine", "",
+        el("div", { class: "row" }, el("label", { for: "fault" }, "Fault"), fault, inject.node),
+        el("span", { id: "fault-help", class: "quiet" }, "as for dtwin run --fault; @0 begins now: K2*=0.1@0, lock3@0"))),
     panel("Measured — and predicted – –, the last 20 s", "w6", ...angles),
     panel("Residuals, with the band of a healthy arm", "w6", ...residuals),
-    panel("Training: faults of the emulated machine", "w12",
-      el("div", { class: "row" }, el("label", { for: "fault" }, "Fault"), fault,
-        el("span", { id: "fault-help", class: "quiet" }, "as for dtwin run --fault; @0 begins now: K2*=0.1@0, D1*=1.5@0, lock3@0"), inject.node)),
   );
 
   function state() {

@@ -1,5 +1,5 @@
 // Level 2: what if it were controlled otherwise? Candidates side by side, search, upload on trial, history.
-import { el, each, number, panel, rebuild, short, table } from "../dom.js";
+import { column, each, el, number, panel, rebuild, short, table } from "../dom.js";
 import { get } from "../api.js";
 import { commandButton } from "../command.js";
 import { drawCurves } from "../curves.js";
@@ -83,20 +83,19 @@ export function makeSimulation() {
   const trial = makeTrial();
   const proposals = makeProposals();
   const history = makeHistory();
-  const figure = el("div");
+  const figure = el("div", { tabindex: "0", role: "region", "aria-label": "Figures of the prediction" });
   const curves = [1, 2, 3].map((joint) => el("canvas", { class: "trend", role: "img", "aria-label": `Joint ${joint}: predicted distance from the path of every candidate` }));
   const volts = el("canvas", { class: "trend", role: "img", "aria-label": "Predicted voltages of joint 2 of every candidate, with their limits" });
   const front = el("canvas", { class: "front", role: "img", "aria-label": "Candidates of the search and their Pareto front" });
   const best = el("div");
   const buttons = [upload, uploadModel];
   const node = el(
-    "div", { class: "grid" },
+    "div", { class: "grid filling footed" },
     panel("Settings to try", "w4", el("div", { class: "stack" }, form(start, goal, payload, arm, model, target, ...Object.values(gains)),
       el("div", { class: "row" }, add, clear), candidates, simulate)),
-    panel("Predicted", "w8", figure, ...curves, volts),
-    panel("Search", "w6", form(judged), optimise, front, best),
-    panel("Upload", "w6", el("div", { class: "stack" }, form(why), el("div", { class: "row" }, upload.node, uploadModel.node), trial.node)),
-    panel("Proposals", "w12", proposals.node),
+    panel("Predicted", "w4", figure, ...curves, volts),
+    column("w4", panel("Upload", "", el("div", { class: "stack" }, form(why), el("div", { class: "row" }, upload.node, uploadModel.node), trial.node)),
+      panel("Search", "grow", form(judged), optimise, front, best), panel("Proposals", "wide", proposals.node)),
     panel("History of the settings", "w12", history.node),
   );
   get("/api/models").then(({ models }) => {
