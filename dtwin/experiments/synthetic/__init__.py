@@ -1,0 +1,1 @@
+"""Identification of drawn arms whose numbers are known, from logs with all effects that it has words for."""

@@ -1,0 +1,139 @@
+"""Identification of drawn machines: whether intervals hold the truth, and how well other motion is predicted."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import msgspec
+import numpy as np
+
+from dtwin.arm.chain import INERTIAL, Array
+from dtwin.campaign.spread import Progress, Workforce, spread
+from dtwin.experiments.synthetic.machines import Drawn, drawn_machine, log_of
+from dtwin.identification.chain.baseline import Baseline
+from dtwin.identification.chain.design import Filtering
+from dtwin.identification.chain.identify import Identification, Sample, Settings, identify, unexplained
+from dtwin.identification.chain.result import numbers
+
+JOINTS: Final = (6, 7)
+COVERED: Final = (0.90, 0.98)
+"""Range of the share of the 95 % intervals that shall hold the truth."""
+AHEAD: Final = 0.9
+"""Least share of the machines on which the error on other motion shall be less than the others'."""
+_SESSIONS: Final = 4
+"""Motions of a machine: with an empty hand, with what is weighed, with what is to be found, and one that judges."""
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """A machine to be identified.
+
+    Attributes:
+        number: its number.
+        joints: number of its joints.
+        seconds: length of each of its motions, s.
+    """
+
+    number: int
+    joints: int
+    seconds: float
+
+
+class Known(msgspec.Struct, frozen=True):
+    """What came of a machine.
+
+    Attributes:
+        number: its number.
+        joints: number of its joints.
+        groups: friction terms that proved themselves.
+        away: (estimate - truth) / half width of the 95 % interval of every number that the data tell, by name.
+        ours: unexplained share of the torque of a motion that was not fitted, joint by joint.
+        theirs: that of ordinary least squares, which is told the drives' constants.
+        seconds: time that identification and least squares took, s.
+    """
+
+    number: int
+    joints: int
+    groups: tuple[str, ...]
+    away: dict[str, float]
+    ours: tuple[float, ...]
+    theirs: tuple[float, ...]
+    seconds: tuple[float, float]
+
+    @property
+    def ratio(self) -> float:
+        """Our error over that of least squares, geometric mean over the joints."""
+        return float(np.exp(np.mean(np.log(self.ours) - np.log(self.theirs))))
+
+
+def synthetic_experiment(machines: int, first: int, seconds: float, force: Workforce, progress: Progress) -> list[Known]:
+    """Identifies machines of consecutive numbers, of six and of seven joints in turn.
+
+    Raises:
+        DtwinError: a machine cannot be identified.
+    """
+    tasks = [Task(first + k, JOINTS[k // 2 % 2], seconds) for k in range(machines)]
+    return spread(meet, tasks, force, progress)
+
+
+def meet(task: Task) -> Known:
+    """Identifies one machine from its logs.
+
+    Raises:
+        IdentificationError: the logs do not tell enough.
+    """
+    machine = drawn_machine(task.number, task.joints)
+    empty, weighed, unknown, other = (
+        log_of(machine, task.seconds, session, held)
+        for session, held in enumerate((0.0, machine.load, machine.unknown, 0.0))
+    )
+    samples = [Sample(empty), Sample(weighed, "weighed"), Sample(unknown, "unknown")]
+    began = time.perf_counter()
+    found = identify(machine.sheet, samples, Settings({"weighed": machine.load}))
+    took = time.perf_counter() - began
+    began = time.perf_counter()
+    baseline = Baseline(machine.sheet, [empty], machine.gain, Filtering())
+    least = time.perf_counter() - began
+    truth = dict(truth_of(machine, found))
+    away = {row.name: (row.value - truth[row.name]) / row.half for row in numbers(found) if row.told}
+    ours, theirs = unexplained(*found.predicted(other)), unexplained(*baseline.predicted(other))
+    return Known(
+        task.number, task.joints, found.groups, away, tuple(ours.tolist()), tuple(theirs.tolist()), (took, least)
+    )
+
+
+def truth_of(machine: Drawn, found: Identification) -> Iterator[tuple[str, float]]:
+    """What a machine really has, by the names of the result."""
+    arm, losses = machine.arm, machine.losses
+    for j, (joint, link, scale) in enumerate(zip(arm.joints, arm.links, found.design.scales, strict=True)):
+        yield f"{joint.name} gain", float(machine.gain[j])
+        for speed in (0.1 * scale.speed, -0.1 * scale.speed, scale.speed, -scale.speed):
+            yield f"{joint.name} friction at {speed:+.3g}", losses.steady(j, speed, scale.temperature)
+        yield f"{joint.name} friction by load", float(losses.load[j])
+        yield f"{joint.name} rotor", float(losses.rotor[j])
+        for name, value in zip(INERTIAL, link.parameters, strict=True):
+            yield f"{link.name} {name}", float(value)
+    yield "load weighed m", machine.load
+    yield "load unknown m", machine.unknown
+
+
+def kind_of(name: str) -> str:
+    """What sort of number a name stands for: gain, friction, rotor, load, or the inertial parameter of a link."""
+    for kind in ("gain", "friction by load", "friction", "rotor"):
+        if f" {kind}" in name:
+            return kind
+    return "load" if name.startswith("load ") else name.rpartition(" ")[2]
+
+
+def covered(found: list[Known], kind: str | None = None) -> float:
+    """Share of the 95 % intervals of what the data tell that hold the truth; NaN where there is none."""
+    away = [abs(value) for one in found for name, value in one.away.items() if kind in (None, kind_of(name))]
+    return float(np.mean(np.array(away) <= 1.0)) if away else float("nan")
+
+
+def ahead(found: list[Known]) -> float:
+    """Share of the machines on which we predict other motion better than least squares."""
+    return float(np.mean([one.ratio < 1.0 for one in found]))
