@@ -14,7 +14,7 @@ from dtwin.identification.chain.consistency import nearest_possible
 from dtwin.identification.chain.design import Design, Filtering, Smooth, rows_of, scales_of, smooth
 from dtwin.identification.chain.fit import Fit, Prior, fit, squares
 from dtwin.identification.chain.friction import CANDIDATES, Group
-from dtwin.identification.chain.intervals import covariance_of
+from dtwin.identification.chain.intervals import covariance_of, inverse
 from dtwin.identification.chain.moments import FOLDS, Moments, columns, layout_of, moments_of
 from dtwin.measurements.measurement import Measurement
 
@@ -167,8 +167,8 @@ def identify(arm: Arm, samples: Sequence[Sample], settings: Settings | None = No
     groups, held_out = _chosen(design, moments, prior, settings)
     found = fit(moments, prior, _used(design, groups))
     with_all = fit(moments, prior, _used(design, CANDIDATES), start=found)
-    possible = _possible(design, moments, prior, found)
-    covariance = covariance_of(design, moments, prior, possible)
+    covariance = covariance_of(design, moments, prior, found)
+    possible = _possible(moments, prior, found, covariance)
     inertial = possible.unknowns[: 10 * len(arm)]
     new = arm.with_parameters(inertial)
     return Identification(new, design, moments, prior, possible, found, with_all, covariance, groups, held_out)
@@ -331,24 +331,25 @@ def _held_out(moments: Moments, prior: Prior, used: np.ndarray, start: Fit) -> A
     return share
 
 
-def _possible(design: Design, moments: Moments, prior: Prior, found: Fit) -> Fit:
-    """The estimate with bodies that can be; the friction that goes with them is found anew."""
+def _possible(moments: Moments, prior: Prior, found: Fit, covariance: Array) -> Fit:
+    """The estimate with bodies that can be, the nearest by what is known of them; the rest goes with it.
+
+    The nearest in the metric of least squares alone would move what is well known: it takes correlated residuals for
+    white ones.
+    """
     inertial = moments.layout.inertial.stop
     used = np.flatnonzero(found.used)
-    rest = slice(inertial, len(used))
-    hessian = found.hessian
-    inner = hessian[:inertial, :inertial] - hessian[:inertial, rest] @ np.linalg.solve(
-        hessian[rest, rest], hessian[rest, :inertial]
-    )
     estimate = found.unknowns[:inertial]
     start = prior.mean[:inertial].copy()
     for name in moments.layout.loads:
         place = moments.layout.load(name)
         mass = abs(estimate[place.start]) + 1e-3
         start[place] = [mass, 0.0, 0.0, 0.0, *(1e-2 * mass * np.array([1.0, 0.0, 1.0, 0.0, 0.0, 1.0]))]
-    bodies = nearest_possible(estimate, inner, start)
-    change = np.linalg.solve(hessian[rest, rest], hessian[rest, :inertial] @ (bodies - estimate))
+    precision = inverse(covariance[:inertial, :inertial])
+    bodies = nearest_possible(estimate, precision, start)
+    change = covariance[:, :inertial] @ precision @ (bodies - estimate)
     unknowns = found.unknowns.copy()
+    unknowns[used] += change[: len(used)]
     unknowns[:inertial] = bodies
-    unknowns[used[rest]] -= change
-    return Fit(unknowns, found.gain, found.noise, found.used, found.hessian)
+    gain = found.gain * np.exp(change[len(used) :])
+    return Fit(unknowns, gain, found.noise, found.used, found.hessian)

@@ -46,8 +46,8 @@ def covariance_of(design: Design, moments: Moments, prior: Prior, found: Fit) ->
             meat += weight**2 * mine.T @ _convolved(correlation, mine)
     effective = share * float(moments.counts.sum()) * n
     lost = effective / max(effective - size, 0.25 * effective)
-    inverse = _inverse(bread)
-    found_covariance: Array = inverse @ (np.diag(known) + lost * (meat - np.diag(known))) @ inverse
+    outer = inverse(bread)
+    found_covariance: Array = outer @ (np.diag(known) + lost * (meat - np.diag(known))) @ outer
     return found_covariance
 
 
@@ -77,8 +77,9 @@ def _convolved(correlation: Array, columns: Array) -> Array:
     return result
 
 
-def _inverse(matrix: Array) -> Array:
+def inverse(matrix: Array) -> Array:
+    """The inverse of a covariance or of a precision, whose unknowns may have units far apart."""
     scale = 1.0 / np.sqrt(np.diag(matrix))
     scaled = matrix * scale * scale[:, None]
-    inverse = np.asarray(np.linalg.pinv(scaled, rcond=1e-13, hermitian=True), dtype=np.float64)
-    return inverse * scale * scale[:, None]
+    found = np.asarray(np.linalg.pinv(scaled, rcond=1e-13, hermitian=True), dtype=np.float64)
+    return found * scale * scale[:, None]
