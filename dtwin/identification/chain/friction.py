@@ -93,7 +93,7 @@ def friction_terms(
     if load is not None:
         found += [
             ("load", "load", load * sign),
-            *((f"load@{part:g}", "load", load * elements[part]) for part in _LENGTHS[1::2]),
+            *((f"load@{part:g}", "load", load * elements[part]) for part in _LENGTHS),
         ]
     found += [("coulomb asymmetry", "asymmetric", np.abs(sign)), ("viscous asymmetry", "asymmetric", np.abs(v))]
     if temperature is not None:

@@ -16,6 +16,8 @@ from dtwin.identification.chain.design import Design
 from dtwin.identification.chain.fit import Fit, Prior
 from dtwin.identification.chain.moments import Moments, columns
 
+_NOTHING: Final = 1e-13
+"""Eigenvalue, in parts of the largest one, that rounding makes of 0."""
 _LONGEST: Final = 3.0
 """Longest correlation in time that is looked at, s."""
 
@@ -78,8 +80,11 @@ def _convolved(correlation: Array, columns: Array) -> Array:
 
 
 def inverse(matrix: Array) -> Array:
-    """The inverse of a covariance or of a precision, whose unknowns may have units far apart."""
+    """The inverse of a covariance or of a precision, whose unknowns may have units far apart.
+
+    What rounding leaves of nothing, also below 0, counts as the least value that is told from nothing.
+    """
     scale = 1.0 / np.sqrt(np.diag(matrix))
-    scaled = matrix * scale * scale[:, None]
-    found = np.asarray(np.linalg.pinv(scaled, rcond=1e-13, hermitian=True), dtype=np.float64)
+    values, vectors = np.linalg.eigh(matrix * scale * scale[:, None])
+    found: Array = (vectors / np.maximum(values, _NOTHING * values[-1])) @ vectors.T
     return found * scale * scale[:, None]
