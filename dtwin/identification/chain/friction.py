@@ -6,7 +6,8 @@ Groups of terms, from what every joint has to what has to prove itself on motion
 
     basic       offset, viscous friction, Coulomb friction (smoothed over a small speed)
     rotor       inertia of the rotor seen at the joint
-    curve       Stribeck's fall at low speed and the bend at high speed: Coulomb terms of other speeds, and a root
+    curve       Stribeck's fall at low speed and the bend at high speed: Coulomb terms of other speeds, friction
+                that falls with speed, and a root
     presliding  Dahl's elements: friction that turns over with travel after a reversal, not at once (Dahl 1968;
                 several lengths side by side: generalised Maxwell-slip model, Al-Bender, Lampaert and Swevers 2005)
     load        Coulomb friction that grows with the torque that the gear carries (Hamon, Gautier and Garrec 2010)
@@ -18,6 +19,7 @@ Speeds and lengths are told in parts of the joint's own usual speed and travel, 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, Literal
 
@@ -32,6 +34,10 @@ CANDIDATES: Final[tuple[Group, ...]] = ("rotor", "curve", "presliding", "load", 
 _COULOMB: Final = 0.05
 """Part of the usual speed over which Coulomb friction turns over."""
 _OTHER_SPEEDS: Final = (0.01, 0.2)
+_FALLS: Final = (0.05, 0.15)
+"""Parts of the usual speed over which Stribeck's further friction falls."""
+_FALLING: Final = 0.015
+"""Part of the usual travel over which it turns over."""
 _LENGTHS: Final = (0.005, 0.015, 0.05, 0.15)
 """Parts of the usual travel over which an element of presliding turns over; a factor of three apart."""
 
@@ -79,6 +85,14 @@ def friction_terms(
         load: size of the torque that the gear carries, (N,), N m; None leaves the group out.
         temperature: temperature of the drive, (N,); None leaves the group out.
     """
+    turned = {part: dahl(q, part * scale.travel) for part in _LENGTHS}
+    return _terms(scale, turned, v, a, load, temperature)
+
+
+def _terms(
+    scale: Scale, turned: Mapping[float, Array], v: Array, a: Array, load: Array | None, temperature: Array | None
+) -> Terms:
+    """All terms of one joint, whose elements of presliding have turned so far, each (N,)."""
     sign = np.tanh(v / (_COULOMB * scale.speed))
     found: list[tuple[str, Group, Array]] = [
         ("offset", "basic", np.ones_like(v)),
@@ -88,13 +102,12 @@ def friction_terms(
         *((f"coulomb@{part:g}", "curve", np.tanh(v / (part * scale.speed))) for part in _OTHER_SPEEDS),
         ("root", "curve", np.sign(v) * np.sqrt(np.abs(v))),
     ]
-    elements = {part: dahl(q, part * scale.travel) for part in _LENGTHS}
-    found += [(f"presliding@{part:g}", "presliding", element) for part, element in elements.items()]
+    found += [(f"presliding@{part:g}", "presliding", element) for part, element in turned.items()]
+    falls = [(part, turned[_FALLING] * np.exp(-((v / (part * scale.speed)) ** 2))) for part in _FALLS]
+    found += [(f"fall@{part:g}", "curve", fall) for part, fall in falls]
     if load is not None:
-        found += [
-            ("load", "load", load * sign),
-            *((f"load@{part:g}", "load", load * elements[part]) for part in _LENGTHS),
-        ]
+        found.append(("load", "load", load * sign))
+        found += [(f"load@{part:g}", "load", load * element) for part, element in turned.items()]
     found += [("coulomb asymmetry", "asymmetric", np.abs(sign)), ("viscous asymmetry", "asymmetric", np.abs(v))]
     if temperature is not None:
         warm = temperature - scale.temperature
@@ -105,10 +118,10 @@ def friction_terms(
 
 def sliding(names: tuple[str, ...], scale: Scale, speed: float) -> Array:
     """The terms of a joint that slides steadily at a speed without load, (terms,): friction for coefficients of 1."""
-    steady = friction_terms(scale, np.zeros(1), np.full(1, speed), np.zeros(1), np.zeros(1), None)
+    turned = dict.fromkeys(_LENGTHS, np.full(1, np.sign(speed)))
+    steady = _terms(scale, turned, np.full(1, speed), np.zeros(1), np.zeros(1), None)
     values = dict(zip(steady.names, steady.values[0].tolist(), strict=True))
-    sign = float(np.sign(speed))
-    return np.array([sign if name.startswith("presliding") else values.get(name, 0.0) for name in names])
+    return np.array([values.get(name, 0.0) for name in names])
 
 
 def dahl(q: Array, length: float) -> Array:
