@@ -69,7 +69,9 @@ class Known(msgspec.Struct, frozen=True):
         return float(np.exp(np.mean(np.log(self.ours) - np.log(self.theirs))))
 
 
-def synthetic_experiment(machines: int, first: int, seconds: float, force: Workforce, progress: Progress) -> list[Known]:
+def synthetic_experiment(
+    machines: int, first: int, seconds: float, force: Workforce, progress: Progress
+) -> list[Known]:
     """Identifies machines of consecutive numbers, of six and of seven joints in turn.
 
     Raises:

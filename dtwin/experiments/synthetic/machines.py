@@ -1,8 +1,8 @@
 """Drawn arms of six and seven joints, and logs of their motion: every effect that the identification has words for.
 
 The effects are told in the textbooks' forms, not in the terms by which the identification explains them: Stribeck's
-exponential, one Dahl element of any length, Coulomb friction that grows with the torque that the gear carries and with
-temperature. The logs have what logs have: encoders with steps, noise, and a slow disturbance that no term has.
+exponential, one Dahl element of any length, Coulomb friction that grows with the torque that the gear carries and
+changes with temperature. The logs have what logs have: encoders with steps, noise, and a slow disturbance that no term has.
 """
 
 from __future__ import annotations

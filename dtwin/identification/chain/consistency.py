@@ -17,7 +17,7 @@ from dtwin.arm.chain import Array, symmetric
 _LEAST: Final = 1e-6
 """Least eigenvalue of a pseudo-inertia that the search begins with, in parts of its largest."""
 _BARRIERS: Final = 10.0 ** np.arange(6.0, -4.0, -1.0)
-"""Weights of the barrier, one after the other; the last one moves the solution by less than a tenth of a deviation."""
+"""Weights of the barrier, one after the other; the last one costs less than a tenth of a deviation."""
 _STEPS: Final = 50
 """Newton's steps for one weight, at most."""
 _CENTRED: Final = 1e-6
@@ -54,7 +54,7 @@ def body_of(matrix: Array) -> Array:
 
 
 def mended(parameters: Array) -> Array:
-    """Ten parameters that a body can have, near these: eigenvalues of the pseudo-inertia that are too small are raised."""
+    """Ten parameters that a body can have, near these: eigenvalues that are too small are raised."""
     values, vectors = np.linalg.eigh(pseudo_inertia(parameters))
     least = _LEAST * max(float(values.max()), 1e-9)
     return body_of(vectors * np.maximum(values, least) @ vectors.T)

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from dtwin.arm.chain import Arm, Array
+from dtwin.arm.chain import Actuator, Arm, Array
 from dtwin.errors import IdentificationError
 from dtwin.identification.chain.consistency import nearest_possible
 from dtwin.identification.chain.design import Design, Filtering, Smooth, rows_of, scales_of, smooth
@@ -188,10 +188,11 @@ def _check(arm: Arm, samples: Sequence[Sample], settings: Settings) -> None:
         raise IdentificationError(
             f"expected one kind of effort in all measurements, got {' and '.join(sorted(kinds))}"
         )
-    known = all(joint.actuator.constant is not None for joint in arm.joints)
-    if kinds != {"torque"} and not known and not settings.masses:
+    kind = kinds.pop()
+    known = all(_constant(joint.actuator, kind) is not None for joint in arm.joints)
+    if kind != "torque" and not known and not settings.masses:
         raise IdentificationError(
-            f"the {kinds.pop()}s have no scale: expected the constant of every actuator in the arm's file, or a "
+            f"the {kind}s have no scale: expected the constant of every actuator in the arm's file, or a "
             "measurement with a load whose mass is known"
         )
     for name in settings.masses:
@@ -265,13 +266,21 @@ def _gain_prior(design: Design, products: Array, count: float) -> tuple[Array, A
     """Gains as the arm's file gives them; where it does not, as the data sheet's masses would have them."""
     actuators = [joint.actuator for joint in design.arm.joints]
     wanted = design.kind != "torque"  # a torque has its scale
-    known = np.array([np.nan if a.constant is None else a.constant for a in actuators])
-    tolerance = np.array([_UNKNOWN_GAIN if a.constant is None else a.tolerance for a in actuators])
+    constants = [_constant(actuator, design.kind) for actuator in actuators]
+    known = np.array([np.nan if constant is None else constant for constant in constants])
+    tolerance = np.array(
+        [_UNKNOWN_GAIN if c is None else a.tolerance for a, c in zip(actuators, constants, strict=True)]
+    )
     by_weight = np.array([_by_weight(design, products[joint], joint) for joint in range(len(actuators))])
     likely = np.nanmedian(by_weight) if np.isfinite(by_weight).any() else 1.0
     guessed = np.where(np.isfinite(by_weight), by_weight, likely)
     gain = np.where(np.isfinite(known), known, guessed)
     return (gain, tolerance) if wanted else (np.ones_like(gain), np.zeros_like(gain))
+
+
+def _constant(actuator: Actuator, kind: str) -> float | None:
+    """Torque per unit of what was logged; that of another quantity, such as a commanded torque, says nothing of it."""
+    return actuator.constant if actuator.commanded == kind else None
 
 
 def _by_weight(design: Design, products: Array, joint: int) -> float:

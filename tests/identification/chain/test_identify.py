@@ -10,7 +10,7 @@ from dtwin.arm.chain import Actuator, Arm
 from dtwin.arm.urdf import read_urdf
 from dtwin.errors import IdentificationError
 from dtwin.identification.chain.baseline import Baseline
-from dtwin.identification.chain.consistency import from_body, is_possible, nearest_possible, to_body
+from dtwin.identification.chain.consistency import body_of, is_possible, mended, nearest_possible, pseudo_inertia
 from dtwin.identification.chain.design import Filtering
 from dtwin.identification.chain.friction import dahl
 from dtwin.identification.chain.identify import Identification, Sample, Settings, identify, unexplained
@@ -88,6 +88,18 @@ def test_gains_are_found_when_a_known_load_was_carried(arm: Arm) -> None:
     assert (np.abs(result.found.gain / GAIN - 1.0) < 3.0 * result.gain_deviations() + 0.005).all()
 
 
+def test_the_constant_of_a_commanded_torque_is_no_scale_of_a_current(arm: Arm) -> None:
+    """A file of an arm that says nothing of its drives has torques with a constant of 1."""
+    actuator = Actuator("torque", 1.0, tolerance=0.05)
+    silent = replace(believed(arm), joints=tuple(replace(joint, actuator=actuator) for joint in arm.joints))
+    empty, full = measured(arm, 25.0, 1, noise=0.01), measured(arm, 25.0, 2, noise=0.01, load=1.5)
+    with pytest.raises(IdentificationError, match="the currents have no scale"):
+        identify(silent, [Sample(in_amperes(empty))])
+    samples = [Sample(in_amperes(empty)), Sample(in_amperes(full), "box")]
+    result = identify(silent, samples, Settings({"box": 1.5}, groups=()))
+    assert np.abs(result.found.gain / GAIN - 1.0).max() < 0.05
+
+
 def test_currents_without_any_scale_are_refused(arm: Arm) -> None:
     empty = in_amperes(measured(arm, 10.0, 1))
     with pytest.raises(IdentificationError, match="the currents have no scale"):
@@ -114,22 +126,45 @@ def test_what_was_found_is_written_for_people_and_programs(found: Identification
     assert np.allclose(again.parameters, found.arm.parameters, rtol=1e-6, atol=1e-8)
 
 
-def test_any_ten_numbers_are_a_body_and_every_body_has_its_numbers() -> None:
-    generator = np.random.default_rng(0)
-    for numbers_ in generator.normal(size=(20, 10)):
-        body = to_body(numbers_)
-        assert is_possible(body)
-        assert np.allclose(to_body(from_body(body)), body, rtol=1e-4, atol=1e-4 * np.abs(body).max())
+def drawn_bodies(count: int, seed: int) -> np.ndarray:
+    """Parameters of bodies that can be, (10 count,)."""
+    roots = np.random.default_rng(seed).normal(size=(count, 4, 4)) * np.array([0.1, 0.1, 0.1, 1.0])[:, None]
+    return np.concatenate([body_of(root @ root.T) for root in roots])
+
+
+def test_every_body_has_its_pseudo_inertia() -> None:
+    body = drawn_bodies(1, 0)
+    assert is_possible(body)
+    assert np.allclose(body_of(pseudo_inertia(body)), body)
+    assert np.allclose(mended(body), body)
 
 
 def test_the_nearest_body_keeps_what_is_possible_and_mends_what_is_not() -> None:
-    good = to_body(np.zeros(10))
+    good = drawn_bodies(1, 0)
     assert nearest_possible(good, np.eye(10), good) is good
     bad = good.copy()
     bad[0] = -0.1
-    mended = nearest_possible(bad, np.eye(10), good)
-    assert is_possible(mended)
-    assert np.linalg.norm(mended - bad) < 1.0
+    nearest = nearest_possible(bad, np.eye(10), good)
+    assert is_possible(nearest)
+    assert np.linalg.norm(nearest - bad) < 1.0
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_no_possible_bodies_are_nearer_than_the_nearest(seed: int) -> None:
+    """Known to a thousandth in some directions and hardly at all in others, as the bodies of an arm are.
+
+    The problem is convex: of the nearest point, no way to a possible one begins with a way nearer.
+    """
+    generator = np.random.default_rng(seed)
+    truth, sheet = drawn_bodies(3, seed), drawn_bodies(3, seed + 100)
+    turn = np.linalg.qr(generator.normal(size=(30, 30)))[0]
+    deviations = np.exp(generator.uniform(np.log(1e-3), np.log(3.0), 30))
+    precision = turn / deviations**2 @ turn.T
+    estimate = truth + turn @ (deviations * generator.normal(size=30))
+    assert not all(is_possible(body) for body in estimate.reshape(-1, 10))
+    nearest = nearest_possible(estimate, precision, sheet)
+    assert all(is_possible(body) for body in nearest.reshape(-1, 10))
+    assert (truth - nearest) @ precision @ (nearest - estimate) > -0.05
 
 
 def test_dahls_element_turns_over_with_travel() -> None:
