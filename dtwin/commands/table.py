@@ -159,6 +159,11 @@ GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
             "identification.model", "ModelExport", "write an identified model as MJCF or parameters"
         ),
         "bench identify": Subcommand("identification.bench", "BenchIdentify", "time a fit against mujoco.sysid"),
+        "experiment synthetic": Subcommand(
+            "identification.synthetic",
+            "ExperimentSynthetic",
+            "identify drawn arms whose numbers are known, beside others; report",
+        ),
         "experiment arms": Subcommand(
             "identification.arms", "ExperimentArms", "identify drawn machines of any arm from their motion; report"
         ),

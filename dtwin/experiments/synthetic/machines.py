@@ -2,7 +2,8 @@
 
 The effects are told in the textbooks' forms, not in the terms by which the identification explains them: Stribeck's
 exponential, one Dahl element of any length, Coulomb friction that grows with the torque that the gear carries and
-changes with temperature. The logs have what logs have: encoders with steps, noise, and a slow disturbance that no term has.
+changes with temperature. The logs have what logs have: encoders with steps, noise, and a slow disturbance that no
+term has.
 """
 
 from __future__ import annotations

@@ -279,7 +279,7 @@ def _gain_prior(design: Design, products: Array, count: float) -> tuple[Array, A
 
 
 def _constant(actuator: Actuator, kind: str) -> float | None:
-    """Torque per unit of what was logged; that of another quantity, such as a commanded torque, says nothing of it."""
+    """Torque per unit of what was logged; that of another quantity says nothing of it."""
     return actuator.constant if actuator.commanded == kind else None
 
 
