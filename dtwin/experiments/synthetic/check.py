@@ -128,7 +128,7 @@ def meet(task: Task) -> Known:
     baseline = Baseline(machine.sheet, [empty], machine.gain, Filtering())
     least = time.perf_counter() - began
     truth = dict(truth_of(machine, found))
-    away = {row.name: (row.value - truth[row.name]) / row.half for row in numbers(found) if row.told}
+    away = {row.name: float((row.value - truth[row.name]) / row.half) for row in numbers(found) if row.told}
     ours, theirs = unexplained(*found.predicted(other)), unexplained(*baseline.predicted(other))
     peer, peer_seconds = _peer(machine, found, empty, other) if task.peer else ((), 0.0)
     shares = tuple(ours.tolist()), tuple(theirs.tolist())

@@ -48,6 +48,7 @@ class Smooth:
         a: accelerations, (N, n).
         effort: measured effort, (N, n), as logged.
         temperature: (N, n) or None.
+        start: time of the first row in the log, s.
     """
 
     dt: float
@@ -56,6 +57,7 @@ class Smooth:
     a: Array
     effort: Array
     temperature: Array | None
+    start: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -137,7 +139,7 @@ def _even(part: Measurement, dt: float, filtering: Filtering) -> Smooth:
     a = np.gradient(v, dt, axis=0)
     assert part.effort is not None
     warm = None if part.temperature is None else on_grid(part.temperature)
-    return Smooth(dt, q, v, a, on_grid(part.effort), warm)
+    return Smooth(dt, q, v, a, on_grid(part.effort), warm, float(part.t[0]))
 
 
 def low_passed(columns: Array, dt: float, corner: float, order: int = 4) -> Array:

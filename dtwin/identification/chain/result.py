@@ -17,6 +17,7 @@ from dtwin.errors import ModelError
 from dtwin.files import replacing
 from dtwin.identification.chain.friction import sliding
 from dtwin.identification.chain.identify import Identification
+from dtwin.identification.chain.record import record_of
 
 NINETY_FIVE: Final = 1.96
 """Half width of a 95 % interval in standard deviations."""
@@ -122,6 +123,9 @@ def write_toml(found: Identification, path: Path) -> None:
     for name, number in content["numbers"].items():
         told = "true" if number["told"] else "false"
         lines.append(f"{_text(name)} = {{ value = {number['value']!r}, half = {number['half']!r}, told = {told} }}")
+    lines += ["", "# the whole model, which dtwin monitor --commissioned reads", "[model]"]
+    for name, value in msgspec.to_builtins(record_of(found)).items():
+        lines.append(f"{name} = {_inline(value)}")
     with replacing(path, ".toml") as temporary:
         temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
@@ -129,6 +133,15 @@ def write_toml(found: Identification, path: Path) -> None:
 def _text(value: str | list[str]) -> str:
     """As TOML, whose basic strings and arrays of them are those of JSON."""
     return msgspec.json.encode(value).decode()
+
+
+def _inline(value: object) -> str:
+    """A value as TOML on one line."""
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{_text(name)} = {_inline(entry)}" for name, entry in value.items()) + " }"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(_inline, value)) + "]"
+    return _text(value) if isinstance(value, str) else repr(value)
 
 
 def write_urdf(found: Identification, template: Path, path: Path) -> None:

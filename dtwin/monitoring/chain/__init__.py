@@ -1,0 +1,1 @@
+"""Monitoring of any serial arm from logs of other programs."""
