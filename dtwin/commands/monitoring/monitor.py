@@ -48,6 +48,8 @@ class MonitorCommand:
     """Find faults of the arm in a log of `dtwin run`; the exit status is 1 when something has failed, or when the
     model does not fit this arm.
 
+    With --arm it holds a log of any other serial arm against that arm as it was identified (docs/real-logs.md).
+
     Only what sensors and commands say is used: the truth in the log is not.
     """
 
@@ -60,7 +62,13 @@ class MonitorCommand:
     store: Path = STORE
     """Folder of identified models."""
     commissioned: Path | None = None
-    """Record of the healthy arm that `dtwin commission` wrote, instead of a model (default method)."""
+    """Record of the healthy arm that `dtwin commission` wrote, instead of a model (default method); with --arm the
+    file that `dtwin identify --arm --out` wrote."""
+    arm: str | None = None
+    """Another arm, a serial chain of any number of joints: a name of arms/, its file (*.toml), or a model (*.urdf,
+    *.xml)."""
+    columns: Path | None = None
+    """TOML file that says what the columns of the log mean (--arm); guessed if not given, see dtwin log show."""
     alarms_per_hour: float = ALARMS_PER_HOUR
     """False alarms to be expected of a healthy arm (default method)."""
     sample_time: float = 0.5
@@ -75,6 +83,10 @@ class MonitorCommand:
     """Print one JSON object on standard output and nothing else."""
 
     def execute(self) -> int:
+        if self.arm is not None:
+            from dtwin.commands.monitoring.chain import monitored  # only other arms need their readers
+
+            return monitored(self.log, self.arm, self.commissioned, self.columns, self.json)
         if self.commissioned is not None and (self.model is not None or self.method == "thesis"):
             raise ParameterError("--commissioned: expected no --model beside it, and the default method")
         if self.record is not None:

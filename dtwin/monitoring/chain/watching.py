@@ -45,7 +45,7 @@ _EACH: Final = 4
 _LIKELY: Final = 0.3
 """Standard deviation of the change of a constant before anything is known."""
 _CONSTANT: Final = 0.1
-"""Least change of a drive's constant that is told: magnets lose 0.1 % a kelvin, and gears take a part that changes."""
+"""Least change of a drive's constant that is told: magnets lose 0.1 % a kelvin, gears take a part."""
 _FRICTION: Final = 0.5
 """Least change of friction, in parts of it: cold grease doubles it."""
 _LOAD: Final = 0.02
