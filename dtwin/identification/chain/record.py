@@ -34,6 +34,7 @@ class Record(msgspec.Struct, frozen=True):
         temperature: mean temperature of every drive, degrees Celsius.
         noise: root mean square of what was not explained, N m (N).
         largest: largest of it, N m (N).
+        torque: root mean square of the torque, N m (N).
         cutoff: corner of the filter, Hz.
     """
 
@@ -47,6 +48,7 @@ class Record(msgspec.Struct, frozen=True):
     temperature: Numbers
     noise: Numbers
     largest: Numbers
+    torque: Numbers
     cutoff: float
 
     @property
@@ -87,9 +89,8 @@ class _File(msgspec.Struct, frozen=True):
 def record_of(found: Identification) -> Record:
     """What is kept of an identification."""
     design, layout, fit = found.design, found.moments.layout, found.found
-    residuals = np.concatenate(
-        [rows.effort * fit.gain - columns(layout, rows) @ fit.unknowns for rows in design.rows]
-    )
+    efforts = np.concatenate([rows.effort for rows in design.rows]) * fit.gain
+    residuals = efforts - np.concatenate([columns(layout, rows) @ fit.unknowns for rows in design.rows])
     friction = []
     for joint, names in enumerate(design.names):
         place = layout.friction(joint)
@@ -106,6 +107,7 @@ def record_of(found: Identification) -> Record:
         tuple(scale.temperature for scale in design.scales),
         tuple(np.sqrt(np.mean(residuals**2, axis=0)).tolist()),
         tuple(np.abs(residuals).max(axis=0).tolist()),
+        tuple(np.sqrt(np.mean(efforts**2, axis=0)).tolist()),
         design.filtering.cutoff,
     )
 

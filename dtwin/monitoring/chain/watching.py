@@ -25,6 +25,8 @@ from dtwin.measurements.measurement import Measurement
 
 _TIMES: Final = 3.0
 """A push is so many times larger than the largest that was not explained when the arm was identified."""
+_OTHER: Final = 0.1
+"""Least push, in parts of the usual torque of a joint: motion that was not identified is explained less well."""
 _LEAST: Final = 0.2
 """Shortest push, s; impacts at starts and stops are shorter."""
 _LEVEL: Final = 8.0
@@ -243,11 +245,12 @@ def _pushes(record: Record, part: _Part, rest: Array) -> list[Push]:
     rows = max(1, round(_LEVEL / part.dt)) | 1
     level = np.stack([median_filter(column, rows, mode="nearest") for column in rest.T], axis=1)
     out = np.abs(rest - level)
-    beyond = out > _TIMES * np.array(record.largest)
+    limit = np.maximum(_TIMES * np.array(record.largest), _OTHER * np.array(record.torque))
+    beyond = out > limit
     found: list[Push] = []
     for first, last in _runs(beyond.any(axis=1), part.dt):
         most = out[first:last].max(axis=0)
-        order = np.argsort(-most / np.array(record.largest))
+        order = np.argsort(-most / limit)
         joints = tuple(record.joints[j] for j in order if beyond[first:last, j].any())
         found.append(Push(float(part.t[first]), float(part.t[last - 1]), joints, float(most[order[0]])))
     return found
