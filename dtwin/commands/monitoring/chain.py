@@ -52,7 +52,7 @@ def _print(found: Watched, measured: Measurement) -> None:
     elif found.changes:
         console.print("nothing has changed by more than it does from day to day")
     else:
-        console.print("the arm moves too little to tell changes of drives, friction or load")
+        console.print("too few joints move for long enough to tell changes of drives, friction or load")
     for push in found.pushes:
         console.print(as_text(_told(push)))
     if not found.pushes:

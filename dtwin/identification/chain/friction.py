@@ -111,11 +111,7 @@ def _terms(
     found += [("coulomb asymmetry", "asymmetric", np.abs(sign)), ("viscous asymmetry", "asymmetric", np.abs(v))]
     if temperature is not None:
         warm = temperature - scale.temperature
-        found += [
-            ("warm coulomb", "temperature", warm * sign),
-            ("warm presliding", "temperature", warm * turned[_FALLING]),
-            ("warm viscous", "temperature", warm * v),
-        ]
+        found += [("warm coulomb", "temperature", warm * sign), ("warm viscous", "temperature", warm * v)]
     names, groups, values = zip(*found, strict=True)
     return Terms(names, groups, np.stack(values, axis=1))
 

@@ -28,6 +28,8 @@ _UNKNOWN_GAIN: Final = 1.0
 """Standard deviation of the logarithm of a gain that nobody knows."""
 _WIDE: Final = 10.0
 """Deviation of a basic friction term, in parts of the joint's usual effort."""
+_FORM: Final = 2.0
+"""What the form of friction changes, in parts of the usual change by one term that is left out."""
 _NARROW: Final = 0.3
 """Deviation of any other friction term; a factor of ten to both sides changes the held-out error by a hundredth."""
 
@@ -72,6 +74,7 @@ class Identification:
         found: the estimate, with bodies that can be.
         plain: the estimate before that.
         with_all: the estimate with all friction terms, for the same gains.
+        apart: what leaving out one friction term would change of the unknowns, term by term, (terms, size).
         covariance: of the used unknowns, then of the logarithms of the gains.
         groups: friction terms that proved themselves.
         held_out: error of each choice of groups on motion that it was not fitted to, in parts of the effort, (n,).
@@ -84,6 +87,7 @@ class Identification:
     found: Fit
     plain: Fit
     with_all: Fit
+    apart: Array
     covariance: Array
     groups: tuple[Group, ...]
     held_out: Mapping[tuple[Group, ...], Array]
@@ -99,13 +103,16 @@ class Identification:
     def combined(self, weights: Array) -> tuple[float, float]:
         """A weighted sum of the unknowns, (size,) weights, and its standard deviation.
 
-        Terms that did not prove themselves may be there all the same: what they would change counts as well.
+        Terms that did not prove themselves may be there all the same: what they would change counts as well. So does
+        that friction has a form which no terms have: it is told by what the sum owes to single terms.
         """
         used = np.flatnonzero(self.found.used)
         inner = self.covariance[: len(used), : len(used)]
         spread = float(np.sqrt(weights[used] @ inner @ weights[used]))
         change = float(weights @ (self.with_all.unknowns - self.plain.unknowns))
-        return float(weights @ self.found.unknowns), float(np.hypot(spread, change))
+        owed = self.apart @ weights
+        form = _FORM * float(np.sqrt(np.mean(owed**2))) if len(owed) else 0.0
+        return float(weights @ self.found.unknowns), float(np.sqrt(spread**2 + change**2 + form**2))
 
     def gain_deviations(self) -> Array:
         """Relative standard deviations of the gains, (n,)."""
@@ -167,11 +174,12 @@ def identify(arm: Arm, samples: Sequence[Sample], settings: Settings | None = No
     groups, held_out = _chosen(design, moments, prior, settings)
     found = fit(moments, prior, _used(design, groups))
     with_all = fit(moments, prior, _used(design, CANDIDATES), start=found)
+    apart = _apart(design, moments, prior, found)
     covariance = covariance_of(design, moments, prior, found)
     possible = _possible(moments, prior, found, covariance)
     inertial = possible.unknowns[: 10 * len(arm)]
     new = arm.with_parameters(inertial)
-    return Identification(new, design, moments, prior, possible, found, with_all, covariance, groups, held_out)
+    return Identification(new, design, moments, prior, possible, found, with_all, apart, covariance, groups, held_out)
 
 
 def _check(arm: Arm, samples: Sequence[Sample], settings: Settings) -> None:
@@ -235,6 +243,19 @@ def _used(design: Design, groups: Sequence[Group]) -> np.ndarray:
     for joint, mine in enumerate(design.groups):
         used[layout.friction(joint)] = [group == "basic" or group in groups for group in mine]
     return used
+
+
+def _apart(design: Design, moments: Moments, prior: Prior, found: Fit) -> Array:
+    """What leaving out each term that tells the form of friction would change of the unknowns, (terms, size)."""
+    layout = moments.layout
+    changes = [np.zeros((0, layout.size))]
+    for name, group in zip(design.names[0], design.groups[0], strict=True):
+        places = [layout.friction(j).start + names.index(name) for j, names in enumerate(design.names)]
+        if group not in ("basic", "rotor") and found.used[places].all():
+            used = found.used.copy()
+            used[places] = False
+            changes.append((fit(moments, prior, used, start=found).unknowns - found.unknowns)[None])
+    return np.concatenate(changes)
 
 
 def _prior(design: Design, moments: Moments, settings: Settings) -> Prior:

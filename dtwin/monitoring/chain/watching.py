@@ -33,8 +33,10 @@ _LEVEL: Final = 8.0
 """Time over which the level lies against which a push stands out, s."""
 _TOGETHER: Final = 0.5
 """Pushes of several joints less than this apart are one, s."""
-_MOVING: Final = 5.0
-"""Least time of motion from which changes are told, s."""
+_MOVING: Final = 15.0
+"""Least time of motion of at least half of the joints from which changes are told, s."""
+_REACH: Final = 0.2
+"""How far out a load is, m."""
 _BLOCK: Final = 2.0
 """Stretch that counts as one independent observation, s."""
 _HUBER: Final = 1.5
@@ -44,8 +46,10 @@ _SURE: Final = 3.0
 """Standard deviations beyond which a change is told."""
 _EACH: Final = 4
 """Changes of a joint: its constant, offset, Coulomb and viscous friction."""
-_LIKELY: Final = 0.3
+_LIKELY: Final = 0.1
 """Standard deviation of the change of a constant before anything is known."""
+_LOST: Final = 0.3
+"""Standard deviation of the change of friction, in parts of the usual torque."""
 _CONSTANT: Final = 0.1
 """Least change of a drive's constant that is told: magnets lose 0.1 % a kelvin, gears take a part."""
 _FRICTION: Final = 0.5
@@ -96,7 +100,7 @@ class Watched:
         seconds: length of what could be judged, s.
         moving: how much of it the arm moved, s.
         pushes: in the order of time.
-        changes: all that was asked, told or not; none where the arm moved too little.
+        changes: all that was asked, told or not; none where too few joints moved for long enough.
     """
 
     seconds: float
@@ -138,9 +142,10 @@ def watch(record: Record, arm: Arm, log: Measurement) -> Watched:
     seconds = float(sum(part.dt * len(part.t) for part in parts))
     changes: tuple[Change, ...] = ()
     left = [part.residual for part in parts]
-    if moving >= _MOVING:
-        found, covariance = _fitted(parts, record, each >= _MOVING)
-        changes = tuple(_changes(record, arm, found, covariance, each >= _MOVING))
+    moved = each >= _MOVING
+    if 2 * moved.sum() >= len(arm):
+        found, covariance = _fitted(parts, record, moved)
+        changes = tuple(_changes(record, arm, found, covariance, moved))
         left = [part.residual - part.columns @ found for part in parts]
     pushes = [push for part, rest in zip(parts, left, strict=True) for push in _pushes(record, part, rest)]
     return Watched(seconds, moving, tuple(pushes), changes)
@@ -161,18 +166,17 @@ def _part(record: Record, arm: Arm, stretch: Smooth) -> _Part:
     n, corner = len(arm), record.cutoff
     carried, lost = record.predicted(arm, stretch)
     effort = stretch.effort * np.array(record.gain)
-    changes = np.zeros((*effort.shape, _EACH * n + 4))
+    changes = np.zeros((*effort.shape, _EACH * n + 10))
     for j in range(n):
         v = stretch.v[:, j]
         sign = np.tanh(v / (0.05 * record.speed[j]))
         # A constant is told by what the gears carry: friction changes from day to day by itself.
         each = [-carried[:, j], np.ones_like(v), sign, v]
         changes[:, j, _EACH * j : _EACH * (j + 1)] = np.stack(each, axis=1)
-    # What is held moves with the last link; its inertia about itself is left out.
-    changes[:, :, _EACH * n :] = regressor(arm, stretch.q, stretch.v, stretch.a)[:, :, -10:-6]
+    changes[:, :, _EACH * n :] = regressor(arm, stretch.q, stretch.v, stretch.a)[:, :, -10:]
     speed = np.abs(low_passed(stretch.v, stretch.dt, corner))
     moves = speed > 0.1 * np.array(record.speed)
-    t = stretch.start + stretch.dt * np.arange(len(effort))
+    t: Array = stretch.start + stretch.dt * np.arange(len(effort), dtype=np.float64)
     return _Part(
         t,
         low_passed(effort - carried - lost, stretch.dt, corner),
@@ -185,10 +189,12 @@ def _part(record: Record, arm: Arm, stretch: Smooth) -> _Part:
 def _fitted(parts: list[_Part], record: Record, moved: NDArray[np.bool_]) -> tuple[Array, Array]:
     """The changes that explain most, and their covariance; of a joint that hardly moved only its offset changes."""
     usual, n = np.array(record.noise), len(record.joints)
-    known = np.full(_EACH * n + 4, 1e-9)
+    known = np.zeros(_EACH * n + 10)
+    held = 0.3 * sum(record.parameters[::10])
+    known[_EACH * n :] = 1.0 / (held * np.array([1.0, *[_REACH] * 3, *[_REACH**2] * 6])) ** 2
     for j in range(n):
-        size = record.noise[j]
-        likely = np.array([_LIKELY, 20.0 * size, 20.0 * size, 20.0 * size / record.speed[j]])
+        torque = _LOST * record.torque[j]
+        likely = np.array([_LIKELY, torque, torque, torque / record.speed[j]])
         likely[[0, 2, 3]] *= 1.0 if moved[j] else 1e-6
         known[_EACH * j : _EACH * (j + 1)] = 1.0 / likely**2
     columns = np.concatenate([part.columns[part.moves.any(axis=1)] for part in parts])
@@ -199,14 +205,14 @@ def _fitted(parts: list[_Part], record: Record, moved: NDArray[np.bool_]) -> tup
             for k, part in enumerate(parts)
         ]
     )
-    found = np.zeros(columns.shape[2])
+    found, share = np.zeros(columns.shape[2]), parts[0].dt / _BLOCK
     size = np.maximum(np.median(np.abs(residual), axis=0) / 0.6745, usual)
     weight = np.ones_like(residual)
     curvature = np.eye(len(found))
     for _ in range(_ROUNDS):
         rest = residual - columns @ found
         size = np.maximum(np.median(np.abs(rest), axis=0) / 0.6745, 0.2 * usual)
-        weight = np.minimum(1.0, _HUBER * size / np.maximum(np.abs(rest), 1e-12)) / size**2
+        weight = share * np.minimum(1.0, _HUBER * size / np.maximum(np.abs(rest), 1e-12)) / size**2
         curvature = np.einsum("njp,nj,njq->pq", columns, weight, columns, optimize=True) + np.diag(known)
         found = np.linalg.solve(curvature, np.einsum("njp,nj,nj->p", columns, weight, residual))
     scores = np.einsum("njp,nj,nj->np", columns, weight, residual - columns @ found)
@@ -232,7 +238,7 @@ def _changes(record: Record, arm: Arm, found: Array, covariance: Array, moved: N
         deviation = float(np.sqrt(weights @ covariance[place, place] @ weights)) / there
         made.append(_change(f"{name} friction", float(weights @ found[place]) / there, deviation, _FRICTION))
     mass = sum(link.mass for link in arm.links)
-    made.append(_change("load", found[-4], float(np.sqrt(covariance[-4, -4])), _LOAD * mass))
+    made.append(_change("load", found[-10], float(np.sqrt(covariance[-10, -10])), _LOAD * mass))
     return made
 
 
