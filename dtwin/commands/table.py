@@ -167,6 +167,9 @@ GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
         "experiment arms": Subcommand(
             "identification.arms", "ExperimentArms", "identify drawn machines of any arm from their motion; report"
         ),
+        "experiment arm-faults": Subcommand(
+            "monitoring.arm_faults", "ExperimentArmFaults", "monitor drawn machines of any arm with faults; report"
+        ),
         "experiment noise": Subcommand(
             "identification.experiment", "ExperimentNoise", "identify under encoder noise; report"
         ),

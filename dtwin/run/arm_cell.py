@@ -4,6 +4,7 @@ arm = "six-axis"           # a name of arms/, its file or its model
 machine = "nominal"        # ideal, nominal or a number
 sort = "sort.toml"         # or poses or path; files beside this one
 late = 1                   # ticks from a command until it acts
+faults = ["K2*=0.8@30"]    # what is otherwise, and when
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from dtwin.arm.poses import Poses, drawn_poses, read_poses
 from dtwin.arm.sorting import read_sorting
 from dtwin.controller.chain.application import Control
 from dtwin.emulation.chain.arms import arm_of
+from dtwin.emulation.chain.faults import parse_chain_fault
 from dtwin.emulation.chain.machine import IDEAL, machine_of
 from dtwin.emulation.generators import check_seed
 from dtwin.errors import ModelError, ParameterError, choices
@@ -45,6 +47,7 @@ class ArmCell:
         path: file of a path that it follows.
         sort: file of a sorting task. Without any of the three it goes through poses that are drawn.
         late: ticks from a command until it acts.
+        faults: what is otherwise than the machine says, and when (dtwin.emulation.chain.faults).
     """
 
     arm: str
@@ -53,6 +56,7 @@ class ArmCell:
     path: Path | None = None
     sort: Path | None = None
     late: int = 0
+    faults: tuple[str, ...] = ()
 
     def settings(self, duration: float, seed: int = 0) -> ChainSettings:
         """The run of this cell.
@@ -79,7 +83,8 @@ class ArmCell:
             poses = poses_for(arm, self.poses, seed) if self.path is None else read_path(self.path, arm)
         control = Control(delay=min(self.late, 1) * arm.period)
         machine = machine_of(self.machine, arm)
-        return ChainSettings(arm, machine, poses, control, duration, seed, self.late, sorting=sorting)
+        faults = tuple(parse_chain_fault(text, len(arm)) for text in self.faults)
+        return ChainSettings(arm, machine, poses, control, duration, seed, self.late, sorting=sorting, faults=faults)
 
 
 def poses_for(arm: Arm, file: Path | None, seed: int) -> Poses:
@@ -101,6 +106,7 @@ class _File(msgspec.Struct, forbid_unknown_fields=True):
     path: str | None = None
     sort: str | None = None
     late: int = 0
+    faults: tuple[str, ...] = ()
 
 
 def arm_cell_of(text: str) -> ArmCell | None:
@@ -121,4 +127,4 @@ def arm_cell_of(text: str) -> ArmCell | None:
     paths = {name: None if each is None else file.parent / each for name, each in beside.items()}
     own = file.parent / found.arm
     arm = str(own) if own.suffix in (".toml", ".urdf", ".xml", ".mjcf") else found.arm
-    return ArmCell(arm=arm, machine=found.machine, late=found.late, **paths)
+    return ArmCell(arm=arm, machine=found.machine, late=found.late, faults=found.faults, **paths)

@@ -18,6 +18,7 @@ from dtwin.arm.sorting import Sorting
 from dtwin.controller.chain.application import Control, inputs
 from dtwin.controller.chain.embedded import ChainController
 from dtwin.emulation.chain.boxes import Boxes, Counts
+from dtwin.emulation.chain.faults import ChainFault
 from dtwin.emulation.chain.machine import Machine
 from dtwin.emulation.chain.plant import ChainPlant
 from dtwin.equations.kinematics import Goal, joints_along, joints_for
@@ -44,6 +45,7 @@ class ChainSettings:
         late: ticks from a command until it acts.
         start: positions at the beginning, (n,); None for the first pose.
         sorting: boxes that the poses are for (sorting_poses); None without.
+        faults: what is otherwise than the machine says, and when.
     """
 
     arm: Arm
@@ -55,6 +57,7 @@ class ChainSettings:
     late: int = 0
     start: Array | None = None
     sorting: Sorting | None = None
+    faults: tuple[ChainFault, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -280,7 +283,7 @@ def run(settings: ChainSettings, between: Callable[[int], bool] | None = None) -
     values = inputs(arm, usual_inertia(arm), settings.control, settings.poses)
     controller = ChainController(len(arm), values)
     start = settings.poses.positions[0] if settings.start is None else settings.start
-    plant = ChainPlant(settings.machine, start, settings.seed, settings.late)
+    plant = ChainPlant(settings.machine, start, settings.seed, settings.late, settings.faults)
     ticks = max(1, round(settings.duration / arm.period))
     rows = np.zeros((4, ticks, len(arm)))
     poses, places = np.zeros(ticks), np.zeros((ticks, 2))

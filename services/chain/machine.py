@@ -7,9 +7,9 @@ from dataclasses import replace
 
 from dtwin.bus.chain.messages import JointCommands, JointSensors
 from dtwin.emulation.chain.boxes import Boxes
+from dtwin.emulation.chain.faults import parse_chain_fault
 from dtwin.emulation.chain.plant import ChainPlant
 from dtwin.emulation.generators import check_seed
-from dtwin.errors import ParameterError
 from dtwin.run.chain import ChainSettings
 from dtwin.services.parts.latch import Latch, Latched
 from dtwin.signals import BoxCounts, Event, EventKind
@@ -34,7 +34,7 @@ class RunningArm:
     def _begin(self, settings: ChainSettings) -> None:
         start = settings.poses.positions[0] if settings.start is None else settings.start
         self._settings = settings
-        self._plant = ChainPlant(settings.machine, start, settings.seed, settings.late)
+        self._plant = ChainPlant(settings.machine, start, settings.seed, settings.late, settings.faults)
         self._boxes = None if settings.sorting is None else Boxes(settings.sorting, settings.seed)
         self._events: list[Event] = []
         self._sequence = 0
@@ -99,12 +99,16 @@ class RunningArm:
         return ()
 
     def inject(self, faults: Sequence[str]) -> list[str]:
-        """Refuses.
+        """Adds faults; returns them with the times they really have.
 
         Raises:
-            ParameterError: always.
+            FaultError: one cannot be read.
         """
-        raise ParameterError("faults are for the arm of the thesis: expected a cell without --arm")
+        time = self._plant.time
+        read = [parse_chain_fault(text, self._joints) for text in faults]
+        found = [replace(fault, start=max(fault.start, time)) for fault in read]
+        self._plant.inject(found)
+        return [str(fault) for fault in found]
 
     def restart(self, seed: int) -> None:
         """Starts anew at time 0, with the boxes and the noise of a seed.

@@ -25,6 +25,8 @@ class ArmCellOptions:
     """TOML file of a sorting task."""
     late: int = 0
     """Ticks from a command until it acts."""
+    fault: tuple[str, ...] = ()
+    """What is otherwise than the machine says, and when, such as K2*=0.8@30; repeatable."""
     seed: int = 0
     """Number of the generators of noise, boxes and poses."""
 
@@ -41,5 +43,6 @@ class ArmCellOptions:
             path=self.path,
             sort=self.sort,
             late=self.late,
+            faults=self.fault,
         )
         return cell.settings(LONGEST, self.seed if seed is None else seed)

@@ -19,7 +19,7 @@ ENDINGS: Final = (".toml", ".urdf", ".xml", ".mjcf")
 """Of the files that an arm is read from: its own, and those of dtwin.arm.file.MODELS, which loads numpy."""
 KNOWN: Final = frozenset(
     {
-        *("arm", "cell_file", "machine", "poses", "path", "sort", "late", "seed"),
+        *("arm", "cell_file", "machine", "poses", "path", "sort", "late", "seed", "fault"),
         *("pace", "duration", "log", "cell", "zenoh", "detach", "json"),
     }
 )
@@ -79,7 +79,7 @@ def other_arm(options: Any) -> OtherArm | None:
 
         found = arm_cell_of(options.cell_file)
         assert found is not None
-        given = {name: getattr(found, name) for name in ("arm", "machine", "poses", "path", "sort", "late")}
+        given = {name: getattr(found, name) for name in ("arm", "machine", "poses", "path", "sort", "late", "faults")}
     elif not is_other(options.arm):
         if options.late or any(each is not None for each in (options.poses, options.path, options.sort)):
             raise ParameterError("--poses, --path, --sort, --late: expected --arm with another arm than the thesis's")
@@ -95,6 +95,7 @@ def other_arm(options: Any) -> OtherArm | None:
         if (file := given.get(name)) is not None:
             words += [f"--{name}", str(file.resolve())]
     words += ["--late", str(options.late or given.get("late", 0)), "--seed", str(options.seed)]
+    words += [word for text in (*given.get("faults", ()), *options.fault) for word in ("--fault", text)]
     return OtherArm(key=Path(arm).stem, words=tuple(words))
 
 

@@ -29,6 +29,7 @@ KNOWN: Final = frozenset(
         "path",
         "sort",
         "late",
+        "fault",
         "machine",
         "seed",
         "duration",
@@ -70,7 +71,12 @@ def other_cell(options: Any) -> ArmCell | None:
     task = {name: getattr(options, name) for name in ("poses", "path", "sort")}
     if any(each is not None for each in task.values()):
         own = replace(own, **task)
-    return replace(own, machine=options.machine or own.machine, late=options.late or own.late)
+    return replace(
+        own,
+        machine=options.machine or own.machine,
+        late=options.late or own.late,
+        faults=(*own.faults, *options.fault),
+    )
 
 
 def run_arm(cell: ArmCell, options: Any, interruption: Callable[[], AbstractContextManager[Any]]) -> int:

@@ -9,7 +9,6 @@ from rich.console import Console
 from rich.table import Table
 
 from dtwin.emulation.chain.arms import arm_of
-from dtwin.errors import ParameterError
 from dtwin.identification.chain.record import read_record
 from dtwin.measurements.columns import read_map
 from dtwin.measurements.measurement import Measurement
@@ -19,16 +18,13 @@ from dtwin.monitoring.chain.watching import Push, Watched, watch
 from dtwin.terminal import as_text, print_json, print_table
 
 
-def monitored(log: Path, arm: str, commissioned: Path | None, columns: Path | None, json: bool) -> int:
+def monitored(log: Path, arm: str, commissioned: Path, columns: Path | None, json: bool) -> int:
     """Holds a log against an identified arm and prints what it shows; 1 where there is a push or a change.
 
     Raises:
-        ParameterError: there is no record.
         RecordingError: a file cannot be read, or is of another arm.
         ModelError: the arm cannot be read.
     """
-    if commissioned is None:
-        raise ParameterError("--arm: expected --commissioned FILE beside it, which dtwin identify --arm --out wrote")
     record, chain = read_record(commissioned), arm_of(arm)
     measured = read_measurement(log, None if columns is None else read_map(columns), chain)
     found = watch(record, chain, measured)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -18,6 +18,7 @@ from dtwin.api.monitoring import Monitored, model_of, monitor
 from dtwin.api.run import Run, load
 from dtwin.bus.twin_messages import MonitoringVerdict
 from dtwin.campaign.spread import Progress
+from dtwin.commands.cell.chain import THESIS
 from dtwin.commands.hints import viewer_command
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import ParameterError, RecordingError
@@ -25,6 +26,7 @@ from dtwin.experiments.monitoring.trial import Method
 from dtwin.files import RECORDING, ensure_writable
 from dtwin.identification.store import STORE
 from dtwin.logs.belonging import check_belonging
+from dtwin.monitoring.chain.sequential import HEALTHY
 from dtwin.monitoring.offline import SECOND, stream
 from dtwin.monitoring.settings import ALARMS_PER_HOUR
 from dtwin.monitoring.thesis import ThesisMonitor, ThesisSettings
@@ -66,7 +68,8 @@ class MonitorCommand:
     file that `dtwin identify --arm --out` wrote."""
     arm: str | None = None
     """Another arm, a serial chain of any number of joints: a name of arms/, its file (*.toml), or a model (*.urdf,
-    *.xml)."""
+    *.xml). Its log is held against --commissioned; without that, the arm is learned at the beginning of the log, one
+    of `dtwin run --arm` or `up --arm`, and the first fault after it is told."""
     columns: Path | None = None
     """TOML file that says what the columns of the log mean (--arm); guessed if not given, see dtwin log show."""
     alarms_per_hour: float = ALARMS_PER_HOUR
@@ -79,14 +82,15 @@ class MonitorCommand:
     """Duration of every motion, s (the thesis's method)."""
     record: Path | None = None
     """Recording for the Rerun viewer: the run with predictions, residuals and verdicts (default method)."""
+    healthy: float = HEALTHY
+    """Time from the beginning of the log in which that other arm is healthy and is learned, s (--arm without
+    --commissioned)."""
     json: bool = False
     """Print one JSON object on standard output and nothing else."""
 
     def execute(self) -> int:
-        if self.arm is not None:
-            from dtwin.commands.monitoring.chain import monitored  # only other arms need their readers
-
-            return monitored(self.log, self.arm, self.commissioned, self.columns, self.json)
+        if self.arm is not None and self.arm != THESIS:
+            return self._of_other_arm(self.arm)
         if self.commissioned is not None and (self.model is not None or self.method == "thesis"):
             raise ParameterError("--commissioned: expected no --model beside it, and the default method")
         if self.record is not None:
@@ -125,6 +129,23 @@ class MonitorCommand:
             _print(verdict, [each.text() for each in result.findings], result.events, factor, self.record)
         wrong = any(unit.state in ("failed", "not commissioned") for unit in verdict.units.values())
         return 1 if result.history or wrong else 0
+
+    def _of_other_arm(self, arm: str) -> int:
+        own = ("columns", "commissioned") if self.commissioned is not None else ("healthy",)
+        for field in fields(self):
+            if field.name not in ("log", "arm", "json", *own) and getattr(self, field.name) != field.default:
+                raise ParameterError(
+                    f"--{field.name.replace('_', '-')}: has no meaning here: expected --commissioned with --columns, "
+                    "or --healthy, beside the arm"
+                )
+        # Only other arms need their readers.
+        if self.commissioned is not None:
+            from dtwin.commands.monitoring.chain import monitored
+
+            return monitored(self.log, arm, self.commissioned, self.columns, self.json)
+        from dtwin.commands.monitoring.first_fault import monitor_arm
+
+        return monitor_arm(self.log, arm, self.healthy, self.json)
 
     def _watched(self, run: Run, progress: Progress) -> Monitored:
         """What the default method makes of a run."""

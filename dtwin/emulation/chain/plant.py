@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 import mujoco
 import numpy as np
 
 from dtwin.arm.chain import Array
+from dtwin.emulation.chain.faults import ChainFault
 from dtwin.emulation.chain.machine import Machine
 from dtwin.emulation.chain.model import LOAD, build
 from dtwin.errors import DivergenceError
 
 STEPS: Final = 4
 """Integration steps in a tick: 2.5 ms at 10 ms, as of the thesis's arm."""
+
+
+LOCKED: Final = 1e5
+"""Friction of a joint that is locked, N m or N: no drive moves it."""
 
 
 class ChainPlant:
@@ -25,12 +31,15 @@ class ChainPlant:
         start: joint positions at the beginning, (n,), where it rests.
         seed: number of the generator of the encoders' noise.
         late: whole ticks from a command until it acts.
+        faults: what is otherwise than the machine says, and when.
 
     Attributes:
         time: time since the beginning, s.
     """
 
-    def __init__(self, machine: Machine, start: Array, seed: int = 0, late: int = 0) -> None:
+    def __init__(
+        self, machine: Machine, start: Array, seed: int = 0, late: int = 0, faults: Sequence[ChainFault] = ()
+    ) -> None:
         arm = machine.arm
         self._machine = machine
         self._period = arm.period
@@ -46,6 +55,13 @@ class ChainPlant:
         self._generator = np.random.default_rng(seed)
         self._waiting = [np.zeros(len(arm)) for _ in range(late)]
         self._data.qpos[:] = start
+        self._damping = np.array(self._model.dof_damping)
+        self._faults = list(faults)
+        self._factor = {kind: np.ones(len(arm)) for kind in ("K", "friction")}
+        self._added = {kind: np.zeros(len(arm)) for kind in ("bias", "push", "load")}
+        self._locked = np.zeros(len(arm), dtype=bool)
+        self._held = 0.0
+        self._read: Array | None = None
         self.time = 0.0
         if machine.friction:
             self._model.dof_frictionloss[:] = self._coulomb
@@ -58,7 +74,45 @@ class ChainPlant:
             q = q + self._machine.arm.tolerances.noise * self._generator.standard_normal(len(q))
             steps = np.where(self._step > 0.0, self._step, 1.0)
             q = np.where(self._step > 0.0, steps * np.floor(q / steps + 0.5), q)
+        if self._faults:
+            q = self._misread(q)
         return q
+
+    def inject(self, faults: Sequence[ChainFault]) -> None:
+        """Adds faults; those that would begin in the past begin at once."""
+        self._faults += [replace(fault, start=max(fault.start, self.time)) for fault in faults]
+
+    def _misread(self, q: Array) -> Array:
+        """What encoders with faults read."""
+        before = self._read
+        q = q.copy()
+        for fault in self._faults:
+            if fault.acts(self.time) and fault.kind == "bias":
+                q[fault.joint] += fault.value
+        for fault in self._faults:
+            if fault.acts(self.time) and fault.kind == "freeze" and before is not None:
+                q[fault.joint] = before[fault.joint]
+        self._read = q
+        return q
+
+    def _take_faults(self) -> None:
+        """Sets what acts in this tick."""
+        for values in self._factor.values():
+            values[:] = 1.0
+        for values in self._added.values():
+            values[:] = 0.0
+        self._locked[:] = False
+        for fault in self._faults:
+            if not fault.acts(self.time):
+                continue
+            if fault.kind in self._factor:
+                self._factor[fault.kind][fault.joint] *= fault.value
+            elif fault.kind == "lock":
+                self._locked[fault.joint] = True
+            elif fault.kind in self._added:
+                self._added[fault.kind][fault.joint] += fault.value
+        self._model.dof_damping[:] = self._damping * self._factor["friction"]
+        self._loaded(self._held + float(self._added["load"][0]))
 
     @property
     def state(self) -> tuple[Array, Array]:
@@ -73,6 +127,10 @@ class ChainPlant:
 
     def hold(self, mass: float) -> None:
         """Lets the arm hold a point mass at its tool, kg; 0 for nothing."""
+        self._held = mass
+        self._loaded(mass)
+
+    def _loaded(self, mass: float) -> None:
         change = max(mass, 1e-14) - self._model.body_mass[self._load]
         self._model.body_mass[self._load] += change
         self._model.body_subtreemass[: self._load + 1] += change  # all bodies hang on one another
@@ -80,7 +138,9 @@ class ChainPlant:
     def apply(self, commands: Sequence[float]) -> None:
         """Commands the drives, (n,), in their own units, each within its limit."""
         self._waiting.append(np.minimum(np.maximum(commands, -self._limit), self._limit))
-        self._data.qfrc_applied[:] = self._constant * self._waiting.pop(0)
+        if self._faults:
+            self._take_faults()
+        self._data.qfrc_applied[:] = self._factor["K"] * self._constant * self._waiting.pop(0) + self._added["push"]
 
     def advance(self) -> None:
         """Goes on by a tick.
@@ -89,11 +149,15 @@ class ChainPlant:
             DivergenceError: the motion is not finite any more.
         """
         model, data = self._model, self._data
-        if self._machine.friction and self._share.any():
+        if self._machine.friction and (self._share.any() or self._faults):
             for _ in range(STEPS):
                 carried = np.abs(data.qfrc_applied - self._rotor * data.qacc)
-                model.dof_frictionloss[:] = self._coulomb + self._share * carried
+                model.dof_frictionloss[:] = self._factor["friction"] * (self._coulomb + self._share * carried)
+                model.dof_frictionloss[self._locked] = LOCKED
                 mujoco.mj_step(model, data)
+        elif self._faults:
+            model.dof_frictionloss[:] = np.where(self._locked, LOCKED, 0.0)
+            mujoco.mj_step(model, data, nstep=STEPS)
         else:
             mujoco.mj_step(model, data, nstep=STEPS)
         self.time += self._period

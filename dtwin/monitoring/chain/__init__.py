@@ -1,1 +1,1 @@
-"""Monitoring of any serial arm from logs of other programs."""
+"""Monitoring of any serial arm: its own log from a healthy beginning on, or any log beside an identified arm."""

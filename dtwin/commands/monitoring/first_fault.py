@@ -1,0 +1,48 @@
+"""`dtwin monitor LOG --arm NAME`: the first fault of any arm in its own log."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Final
+
+from dtwin.emulation.chain.arms import arm_of
+from dtwin.errors import ParameterError
+from dtwin.monitoring.chain.sequential import first_fault
+from dtwin.run.arm_log import read_arm_log
+from dtwin.terminal import print_json, printable
+
+LEAST_HEALTHY: Final = 10.0
+"""Shortest time in which an arm is learned, s."""
+
+
+def monitor_arm(log: Path, arm: str, healthy: float, json: bool) -> int:
+    """Looks for the first fault after the healthy stretch; returns the exit status, 1 with a finding.
+
+    Args:
+        log: log of `dtwin run --arm` or `dtwin up --arm`.
+        arm: name of arms/, the arm's file or its model.
+        healthy: time from the beginning in which the arm is healthy, s.
+        json: print one JSON object.
+
+    Raises:
+        ParameterError: the healthy stretch is too short.
+        DtwinError: arm or log cannot be read, or the log is too short.
+    """
+    if not LEAST_HEALTHY <= healthy < math.inf:
+        raise ParameterError(f"--healthy: expected at least {LEAST_HEALTHY:g} s, got {healthy:g}")
+    known = arm_of(arm)
+    rows = read_arm_log(log, known)
+    found = first_fault(known, rows.t, rows.q, rows.target, rows.effort, healthy)
+    if json:
+        finding = None
+        if found is not None:
+            finding = {"time": found.time, "cause": found.cause, "size": found.size, "others": found.others}
+        print_json(
+            {"arm": known.name, "healthy": healthy, "judged": float(rows.t[-1] - rows.t[0]), "finding": finding}
+        )
+    else:
+        judged = f"arm {known.name}: learned in {healthy:g} s, judged until {rows.t[-1]:g} s"
+        print(printable(judged))
+        print(printable("nothing is wrong" if found is None else found.text(known)))
+    return int(found is not None)

@@ -1,0 +1,169 @@
+"""What the drives of an arm are expected to need for its motion, and how each cause would change it.
+
+The command is linear in the parameters of links, rotors and friction (Atkeson, An and Hollerbach 1986). They are
+learned on a healthy stretch by least squares with the tolerances of the arm as what was known before, so that
+parameters that its motion does not show stay at the data sheet's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from scipy.signal import savgol_filter
+
+from dtwin.arm.chain import Arm, Array, steiner
+from dtwin.equations.rigid import inverse_dynamics, regressor
+from dtwin.errors import RecordingError
+
+WINDOW: Final = 11
+"""Samples of the filter (Savitzky and Golay 1964) by which positions become velocities and accelerations."""
+EVERY: Final = 5
+"""One filtered sample of so many is used: neighbours share most of their noise."""
+_STEP: Final = 1e-6
+_SLOW: Final = 0.02
+"""Speed below which nobody knows which way dry friction acts, in parts of the joint's largest speed."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Filtered:
+    """A log at every EVERY-th sample.
+
+    Attributes:
+        t: times, (N,), s.
+        q: positions, (N, n).
+        qd: velocities, (N, n).
+        qdd: accelerations, (N, n).
+        effort: commands that act, (N, n), in the units of the drives.
+    """
+
+    t: Array
+    q: Array
+    qd: Array
+    qdd: Array
+    effort: Array
+
+
+def filtered(arm: Arm, t: Array, q: Array, effort: Array) -> Filtered:
+    """Filters a log: t (N,), s; positions and effort (N, n).
+
+    Raises:
+        RecordingError: it is shorter than the filter.
+    """
+    if len(t) <= WINDOW:
+        raise RecordingError(f"expected more than {WINDOW} samples, got {len(t)}")
+    half = WINDOW // 2
+    kept = slice(half, len(t) - half, EVERY)
+
+    def taken(values: Array, order: int) -> Array:
+        found: Array = savgol_filter(values, WINDOW, 3, order, arm.period, axis=0)[kept]
+        return found
+
+    return Filtered(t[kept], taken(q, 0), taken(q, 1), taken(q, 2), taken(effort, 0))
+
+
+class Expected:
+    """An arm as its data sheet says, and as its motion has shown.
+
+    Args:
+        arm: the arm; the constants of its drives must be known.
+
+    Attributes:
+        noise: usual difference of command and expectation, (n,), in the units of the drives; set by `learn`.
+    """
+
+    def __init__(self, arm: Arm) -> None:
+        self._arm = arm
+        self._constant = np.array([joint.actuator.constant or 1.0 for joint in arm.joints])
+        self._rotor = np.array([joint.actuator.rotor or 0.0 for joint in arm.joints])
+        self._slow = _SLOW * np.array([joint.speed for joint in arm.joints])
+        tool = arm.tool
+        self._mass = np.array([1.0, *tool, *steiner(tool)[np.tril_indices(3)]])
+        self._mean, self._deviation = self._known()
+        self._values = self._mean.copy()
+        self.noise = np.ones(len(arm))
+
+    def learn(self, log: Filtered) -> None:
+        """Takes the parameters and the noise from a healthy stretch."""
+        columns, weights = self._columns(log), self._weights(log)
+        for _ in range(2):  # the second time with the noise that the first has found
+            precision = np.diag(1.0 / self._deviation**2)
+            scaled = columns * (weights / self.noise)[:, :, None]
+            rest = (log.effort - columns @ self._mean) * weights / self.noise
+            flat = scaled.reshape(-1, columns.shape[2])
+            found = np.linalg.solve(flat.T @ flat + precision, flat.T @ rest.ravel())
+            self._values = self._mean + found
+            left = weights * (log.effort - columns @ self._values)
+            self.noise = np.maximum(np.sqrt(np.mean(left**2, axis=0)), 1e-9)
+
+    def innovation(self, log: Filtered) -> Array:
+        """What the commands are beyond their expectation, (N, n), in parts of the noise; 0 where nobody knows."""
+        found: Array = self._weights(log) * (log.effort - self._columns(log) @ self._values) / self.noise
+        return found
+
+    def causes(self, log: Filtered) -> dict[str, Array]:
+        """What each cause adds to the innovation for a unit of its size, (N, n), by its name.
+
+        K1: part of the constant of the drive of joint 1 that was lost; friction1: further friction in parts of what
+        there is; load: kg; bias1: rad or m that the encoder reads too much; push1: N m or N.
+        """
+        n = len(self._arm)
+        scale = self._weights(log) / self.noise
+        columns = self._columns(log)
+        friction = np.einsum("njp,p->nj", columns[:, :, 11 * n : 14 * n], self._values[11 * n : 14 * n])
+        load = columns[:, :, 10 * (n - 1) : 10 * n] @ self._mass
+        found: dict[str, Array] = {"load": scale * load}
+        for j in range(n):
+            own = np.zeros(n)
+            own[j] = 1.0
+            moved = log.q + _STEP * own
+            arm = self._arm
+            slope = inverse_dynamics(arm, moved, log.qd, log.qdd) - inverse_dynamics(arm, log.q, log.qd, log.qdd)
+            found |= {
+                f"K{j + 1}": scale * own * log.effort,
+                f"friction{j + 1}": scale * own * friction,
+                f"bias{j + 1}": -scale * slope / _STEP / self._constant,
+                f"push{j + 1}": -scale * own / self._constant,
+            }
+        return found
+
+    def _weights(self, log: Filtered) -> Array:
+        """1 where a joint moves, less where it is so slow that dry friction may act either way, (N, n)."""
+        known: Array = np.clip(np.abs(log.qd) / self._slow, 0.0, 1.0)
+        return known
+
+    def _columns(self, log: Filtered) -> Array:
+        """Of links (10 n), rotors, viscous, dry and load-dependent friction, and offsets (n each): (N, n, 15 n)."""
+        n = len(self._arm)
+        own = np.eye(n)
+        sense = np.tanh(log.qd / self._slow)
+        carried = np.abs(log.effort * self._constant - self._rotor * log.qdd)
+        columns = [regressor(self._arm, log.q, log.qd, log.qdd)]
+        for values in (log.qdd, log.qd, sense, sense * carried, np.ones_like(log.qd)):
+            columns.append(values[:, :, None] * own)
+        found: Array = np.concatenate(columns, axis=2) / self._constant[:, None]
+        return found
+
+    def _known(self) -> tuple[Array, Array]:
+        """Mean and standard deviation of the parameters before anything was seen, (15 n,)."""
+        arm, spread = self._arm, self._arm.tolerances
+        links = arm.parameters.reshape(len(arm), 10)
+        mass = links[:, :1]
+        reach = np.linalg.norm(np.array([link.centre for link in arm.links]), axis=1)[:, None] + 0.05
+        relative = spread.mass + spread.inertia + spread.constant
+        moments = relative * mass * reach + spread.centre * mass
+        sizes = np.hstack([relative * mass, np.repeat(moments, 3, 1), np.repeat(moments * reach, 6, 1)])
+        friction = [[getattr(j.friction, name) for j in arm.joints] for name in ("viscous", "coulomb", "load")]
+        effort = np.array([joint.largest if np.isfinite(joint.largest) else 1.0 for joint in arm.joints])
+        part = spread.friction + spread.constant
+        speed = np.array([joint.speed for joint in arm.joints])
+        losses = [
+            part * np.array(row) + least
+            for row, least in zip(friction, (0.01 * effort / speed, 0.01 * effort, 0.01), strict=True)
+        ]
+        mean = np.concatenate([arm.parameters, self._rotor, *friction, np.zeros(len(arm))])
+        deviation = np.concatenate(
+            [sizes.ravel(), (spread.constant + 0.05) * self._rotor + 1e-6, *losses, 0.01 * effort]
+        )
+        return mean, deviation
