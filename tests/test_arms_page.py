@@ -47,10 +47,11 @@ def walked(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
             if language in waiting:
                 (folder / waiting[language].pop(0)).write_text(text)
             elif language == "sh":
-                short = re.sub(r"--duration \d+", "--duration 10", text)
+                short = re.sub(r"--duration \d+(?!.*--fault)", "--duration 10", text)
                 for line in short.replace("excite mine.toml", "excite mine.toml --candidates 2").splitlines():
                     program, *words = shlex.split(line, comments=True)
-                    assert (program, status(words)) == ("scripts/dtwin", 0), line
+                    found = int(words[0] == "monitor")
+                    assert (program, status(words)) == ("scripts/dtwin", found), line
     assert not any(waiting.values())
     return folder, printed.getvalue()
 
@@ -72,6 +73,10 @@ def test_the_services_log_what_the_run_of_the_page_does(walked: tuple[Path, str]
     table = pq.read_table(walked[0] / "served.parquet")
     assert len(table) == 1000
     assert {"q_3", "target_3", "sent_3", "current_3"} <= set(table.schema.names)
+
+
+def test_the_fault_of_the_page_is_named(walked: tuple[Path, str]) -> None:
+    assert re.search(r"7\d\.\d+ s: drive of lift: part of its torque lost", walked[1])
 
 
 def test_the_blocks_of_the_page_are_there(walked: tuple[Path, str]) -> None:

@@ -40,6 +40,6 @@ def run_arm(
     Raises:
         DtwinError: a file cannot be used, a value is out of range, or the tool does not reach a point.
     """
-    files = {"poses": poses, "path": path, "sort": sort}
-    given = {name: None if each is None else Path(each) for name, each in files.items()}
-    return run(ArmCell(arm=str(arm), machine=machine, late=late, **given).settings(seconds, seed))
+    files = [None if each is None else Path(each) for each in (poses, path, sort)]
+    cell = ArmCell(arm=str(arm), machine=machine, poses=files[0], path=files[1], sort=files[2], late=late)
+    return run(cell.settings(seconds, seed))

@@ -45,9 +45,11 @@ _JUMP: Final = 1e-3
 """Least jump of an encoder, rad or m."""
 _SAME: Final = 0.3
 """Largest change of speed beside a jump, in parts of it."""
+_ALONE: Final = 0.5
+"""Largest further way from the path beside a jump, in parts of it."""
 _STILL: Final = 20
 """Samples over which a reading may repeat itself or a joint may stay."""
-_LED: Final = 0.02
+_LED: Final = 0.05
 """Way on which a joint is led meanwhile, rad or m."""
 _NEAR: Final = 3.0
 """Steps of an encoder within which a joint stays."""
@@ -126,23 +128,30 @@ def first_fault(
 def _of_encoders(arm: Arm, t: Array, q: Array, target: Array, begin: int) -> Iterator[ChainFinding]:
     """The first jump, repetition or stay of every joint.
 
-    What jumps is as fast after the jump as before it; what is held or pushed is not.
+    What jumps is as fast after the jump as before it, and away from its path by the jump alone; what is held or
+    pushed is not. What stays is led farther than friction has held it while it was healthy.
     """
     way = np.diff(q, axis=0)
     jump = way[1:-1] - 0.5 * (way[:-2] + way[2:])
     change = np.abs(way[2:] - way[:-2])
     steps = np.array([joint.step for joint in arm.joints])
     largest = 2.0 * np.abs(jump[:begin]).max(axis=0) + 4.0 * steps + _JUMP
+    away = (q - target)[3:] - (q - target)[:-3]
+    drift = np.abs(away[:begin]).max(axis=0)
     led = np.abs(target[_STILL:] - target[:-_STILL])
     spread = np.lib.stride_tricks.sliding_window_view(q, _STILL + 1, axis=0)
     width = spread.max(axis=2) - spread.min(axis=2)
     for j in range(len(arm)):
-        jumps = (np.abs(jump[:, j]) > largest[j]) & (change[:, j] < _SAME * np.abs(jump[:, j]))
+        size = np.abs(jump[:, j])
+        alone = np.abs(away[:, j] - jump[:, j]) < drift[j] + _ALONE * size
+        jumps = (size > largest[j]) & (change[:, j] < _SAME * size) & alone
         if (late := np.flatnonzero(jumps[begin:])).size:
             k = begin + int(late[0])
             yield ChainFinding(float(t[k + 3]), f"bias{j + 1}", float(jump[k, j]))
         near = np.maximum(_NEAR * steps[j] + 6.0 * arm.tolerances.noise, _PART * led[:, j])
-        stays = (width[:, j] <= near) & (led[:, j] > _LED)
+        still = width[:, j] <= near
+        held = np.max(led[: begin - _STILL, j], where=still[: begin - _STILL], initial=0.0)
+        stays = still & (led[:, j] > max(_LED, FACTOR * held))
         if (late := np.flatnonzero(stays[begin:])).size:
             k = begin + int(late[0])
             same = np.ptp(q[k + _STILL // 2 : k + _STILL + 1, j]) == 0.0

@@ -1,0 +1,120 @@
+"""The first fault of an arm in its own log: noticed soon, named, and nothing where nothing is."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dtwin.cli import main
+from dtwin.emulation.chain.faults import parse_chain_fault
+from dtwin.errors import FaultError, RecordingError
+from dtwin.monitoring.chain.sequential import ChainFinding, first_fault
+from dtwin.run.arm_cell import ArmCell
+from dtwin.run.chain import ChainSettings, run
+
+HEALTHY = 30.0
+BEGIN = 38.0
+SETTINGS: ChainSettings = ArmCell(arm="planar-2r", machine="2302").settings(BEGIN + 6.0, 2302)
+
+
+def found(*faults: str) -> ChainFinding | None:
+    parsed = tuple(parse_chain_fault(fault, 2) for fault in faults)
+    ran = run(replace(SETTINGS, faults=parsed))
+    return first_fault(SETTINGS.arm, ran.t, ran.q, ran.target, ran.effort, HEALTHY)
+
+
+def test_nothing_is_found_in_a_healthy_log() -> None:
+    assert found() is None
+
+
+@pytest.mark.parametrize(
+    ("fault", "cause"),
+    [
+        ("K1*=0.8@38", "K1"),
+        ("friction2*=2@38", "friction2"),
+        ("load+=0.1@38", "load"),
+        ("bias1+=0.01@38", "bias1"),
+        ("freeze2@38", "freeze2"),
+        ("lock1@38", "lock1"),
+        ("push1+=4@38-38.5", "push1"),
+    ],
+)
+def test_a_fault_is_noticed_soon_and_its_cause_is_among_those_that_are_told(fault: str, cause: str) -> None:
+    told = found(fault)
+    assert told is not None
+    assert 0.0 <= told.time - BEGIN <= 3.0
+    assert cause in (told.cause, *told.others)
+
+
+def test_a_log_that_ends_with_what_is_learned_is_refused() -> None:
+    ran = run(replace(SETTINGS, duration=HEALTHY))
+    with pytest.raises(RecordingError, match="expected a log of more than 30 s, in which the arm is learned, got"):
+        first_fault(SETTINGS.arm, ran.t, ran.q, ran.target, ran.effort, HEALTHY)
+
+
+def test_the_command_tells_the_fault_of_a_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log = str(tmp_path / "run.parquet")
+    arm = ("--arm", "planar-2r")
+    assert (
+        main(
+            [
+                "run",
+                *arm,
+                "--machine",
+                "2302",
+                "--seed",
+                "2302",
+                "--duration",
+                "44",
+                "--log",
+                log,
+                "--fault",
+                "K1*=0.8@38",
+            ]
+        )
+        == 0
+    )
+    capsys.readouterr()
+    assert main(["monitor", log, *arm, "--healthy", "30"]) == 1
+    assert "drive of shoulder: part of its torque lost, about 0." in capsys.readouterr().out
+    assert main(["monitor", log, *arm, "--healthy", "1"]) == 2
+    assert "--healthy: expected at least 10 s, got 1" in capsys.readouterr().err
+    assert main(["monitor", log, *arm, "--method", "thesis"]) == 2
+    assert "--method: has no meaning here" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "fault", ["K2*=0.8@30", "friction1*=2@30", "load+=0.5@30", "freeze2@30-31", "push2+=20@30-30.3"]
+)
+def test_a_fault_reads_as_it_was_written(fault: str) -> None:
+    assert str(parse_chain_fault(fault, 2)) == fault
+
+
+@pytest.mark.parametrize(
+    ("fault", "said"),
+    [
+        ("K3*=0.8@30", "expected a joint from 1 to 2, got 3"),
+        ("mass2*=2@30", "got none of K, friction"),
+        ("K2+=0.8@30", "expected the form of"),
+        ("load2+=1@30", "expected the form of"),
+        ("K2*=nan@30", "expected a finite value"),
+        ("lock1@30-20", "an end after the start"),
+        ("K2*=x@30", "expected numbers"),
+        ("K2*=0.8", "expected K2*=0.8@30"),
+    ],
+)
+def test_a_fault_that_cannot_be_is_refused(fault: str, said: str) -> None:
+    with pytest.raises(FaultError) as error:
+        parse_chain_fault(fault, 2)
+    assert said in str(error.value)
+
+
+def test_faults_act_on_the_arm_alone_in_their_time() -> None:
+    """Without them the run is what it was, bit by bit, and so is it until they begin."""
+    plain = run(replace(SETTINGS, duration=4.0))
+    late = run(replace(SETTINGS, duration=4.0, faults=(parse_chain_fault("bias2+=0.01@2-3", 2),)))
+    before = plain.t < 2.0 - 1e-9
+    np.testing.assert_array_equal(plain.q[before], late.q[before])
+    first = int(np.argmin(before))
+    assert late.q[first, 1] - plain.q[first, 1] == pytest.approx(0.01)
