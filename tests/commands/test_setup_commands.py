@@ -107,7 +107,7 @@ def test_bash_completes_commands_options_and_choices(capsys: pytest.CaptureFixtu
     assert set(completed(script, "dtwin", "")) == {name.split()[0] for name in COMMANDS} | {"--help", "--version"}
     assert completed(script, "dtwin", "mach") == ["machine"]
     assert {"check", "run", "trace"} <= set(completed(script, "dtwin", "fb", ""))
-    assert completed(script, "dtwin", "up", "--pa") == ["--pace"]
+    assert completed(script, "dtwin", "up", "--pac") == ["--pace"]
     assert completed(script, "dtwin", "up", "--pace", "") == ["realtime", "lockstep", "free"]
     assert completed(script, "dtwin", "upload", "gains", "--who", "") != ["gains"]
     assert "start" in completed(script, "dtwin", "monitor", "s")
