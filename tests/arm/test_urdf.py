@@ -220,3 +220,18 @@ def test_a_drive_that_does_not_hold_the_arm_is_told_by_check(
     (tmp_path / "light.toml").write_text(f'model = "light.urdf"\n{drive}')
     assert main(["arm", "check", str(tmp_path / "light.toml")]) == 1
     assert "joints.turn: its drive gives 0.01 N m at most" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("command", [["arm", "check"], ["margins", "--arm"]])
+def test_links_that_are_points_are_no_arm(
+    command: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As in models for pictures, which have masses and inertias of zero."""
+    point = '<inertial><mass value="1"/><inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial>'
+    file = robot(tmp_path, joint("one", "a", "b"), joint("two", "b", "c"))
+    file.write_text(file.read_text().replace(INERTIAL, point))
+    drive = 'commanded = "N m"\nlimit = 50\nacceleration = 5.0\nspeed = 2.0\n'
+    (tmp_path / "p.toml").write_text(f'model = "robot.urdf"\n[joints.one]\n{drive}[joints.two]\n{drive}')
+    assert main([*command, str(tmp_path / "p.toml")]) in (1, 2)
+    printed = capsys.readouterr()
+    assert "nothing resists a motion of" in printed.out + printed.err

@@ -124,8 +124,11 @@ def _weak(arm: Arm) -> list[str]:
 
 def _unstable(arm: Arm) -> list[str]:
     """Why the loop would fall over at some of the drawn poses, as lines for people; nothing if it does not."""
-    if all(each.stable for each in margins(arm, Control())):
-        return []
+    try:
+        if all(each.stable for each in margins(arm, Control())):
+            return []
+    except ModelError as error:
+        return [str(error)]
     return [
         "the loop is not stable at all poses: bodies are so light that gravity moves them faster than the feedback "
         f"of {Control().pole:g} rad/s; motors and gears are not in the model: add rotor, gear and viscous",

@@ -18,11 +18,17 @@ from dtwin.arm.chain import Arm, Array
 from dtwin.arm.poses import drawn_poses
 from dtwin.controller.chain.application import Control
 from dtwin.equations.rigid import inverse_dynamics, mass_matrix
+from dtwin.errors import ModelError
 
 _FREQUENCIES: Final = 600
 """Frequencies from the lowest one to half of the sampling rate at which the loop is looked at."""
 _LOWEST: Final = 0.05
 """Lowest frequency, rad/s."""
+
+_NOTHING: Final = 1e-12
+"""Inertia that counts as none, kg m^2 or kg."""
+_SINGULAR: Final = 1e-9
+"""Least eigenvalue of a mass matrix whose diagonal is scaled to 1."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,6 +61,9 @@ def margins(arm: Arm, control: Control, poses: int = 16, seed: int = 0, late: in
         poses: number of poses that are drawn from the ranges of the joints.
         seed: number of their generator.
         late: ticks from a command until it acts.
+
+    Raises:
+        ModelError: a motion of the joints meets no resistance at one of the poses.
     """
     drawn = drawn_poses(arm, poses, np.random.default_rng(seed), 1.0).positions
     rows = [_at(arm, control, q, late) for q in drawn]
@@ -82,12 +91,26 @@ Loop = tuple[Array, Array, Array, Array]
 """Matrices A, B, C and D of a sampled system."""
 
 
+def _check_masses(arm: Arm, masses: Array) -> None:
+    """Raises ModelError if a motion of the joints meets no resistance, such as with links that are points."""
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(masses), _NOTHING))
+    values, vectors = np.linalg.eigh(masses * scale * scale[:, None])
+    if values[0] < _SINGULAR:
+        joint = arm.joints[int(np.argmax(np.abs(vectors[:, 0])))]
+        raise ModelError(
+            f"arm {arm.name}: nothing resists a motion of {joint.name} at some poses: expected links with inertia "
+            "in the model, or a rotor of the joint in the arm's file"
+        )
+
+
 def _plant(arm: Arm, q: Array, late: int) -> Loop:
     """From torques to positions, both (n,), held for a tick and late by whole ticks; states are q, q', what waits."""
     n = len(arm)
     rotors = np.diag([joint.actuator.rotor or 0.0 for joint in arm.joints])
     viscous = np.diag([joint.friction.viscous for joint in arm.joints])
-    inverse = np.linalg.inv(mass_matrix(arm, q[None])[0] + rotors)
+    masses = mass_matrix(arm, q[None])[0] + rotors
+    _check_masses(arm, masses)
+    inverse = np.linalg.inv(masses)
     still = np.zeros((n, n))
     step = 1e-30
     weight = inverse_dynamics(arm, q[None] + 1j * step * np.eye(n), still, still).imag.T / step
