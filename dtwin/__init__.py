@@ -14,14 +14,15 @@ if TYPE_CHECKING:
     from dtwin.api.identification import identify as identify
     from dtwin.api.live import LiveCell as LiveCell
     from dtwin.api.live import connect as connect
+    from dtwin.api.measurements import from_arrays as from_arrays
     from dtwin.api.measurements import identify_chain as identify_chain
     from dtwin.api.measurements import read_arm as read_arm
     from dtwin.api.measurements import read_log as read_log
+    from dtwin.api.measurements import write_log as write_log
     from dtwin.api.monitoring import Monitored as Monitored
     from dtwin.api.monitoring import monitor as monitor
     from dtwin.api.run import Run as Run
     from dtwin.api.run import RunError as RunError
-    from dtwin.api.run import from_arrays as from_arrays
     from dtwin.api.run import load as load
     from dtwin.api.simulation import optimise as optimise
     from dtwin.api.simulation import simulate as simulate
@@ -42,13 +43,14 @@ _MODULES = {
     "Run": "api.run",
     "RunError": "api.run",
     "load": "api.run",
-    "from_arrays": "api.run",
     "identify": "api.identification",
     "Identified": "api.identification",
     "run_arm": "api.arms",
     "identify_chain": "api.measurements",
     "read_arm": "api.measurements",
     "read_log": "api.measurements",
+    "from_arrays": "api.measurements",
+    "write_log": "api.measurements",
     "monitor": "api.monitoring",
     "Monitored": "api.monitoring",
     "simulate": "api.simulation",

@@ -10,9 +10,11 @@ from dtwin.arm.chain import Arm
 from dtwin.arm.urdf import read_urdf
 from dtwin.identification.chain.identify import Identification, Sample, Settings
 from dtwin.identification.chain.identify import identify as identified
+from dtwin.measurements.arrays import Numbers, measurement_from
 from dtwin.measurements.columns import ColumnMap, read_map
 from dtwin.measurements.measurement import Measurement
 from dtwin.measurements.reading import read_measurement
+from dtwin.measurements.writing import write_measurement
 
 
 @checked
@@ -32,7 +34,7 @@ def read_arm(path: AnyPath, *, base: str | None = None, tip: str | None = None) 
 
 @checked
 def read_log(path: AnyPath, *, columns: AnyPath | None = None, arm: AnyPath | None = None) -> Measurement:
-    """Reads a log of any arm: CSV, Parquet, NPZ, MAT, or the folder of a LeRobot data set.
+    """Reads a log of any arm: CSV, Parquet, NPZ, MAT, MCAP, or the folder of a LeRobot data set or of a rosbag2.
 
     Args:
         path: the file or folder.
@@ -44,6 +46,56 @@ def read_log(path: AnyPath, *, columns: AnyPath | None = None, arm: AnyPath | No
         ModelError: the arm cannot be read.
     """
     return read_measurement(Path(path), _map(columns), None if arm is None else read_urdf(Path(arm)))
+
+
+@checked
+def from_arrays(
+    t: Numbers | float,
+    q: Numbers,
+    command: Numbers | None = None,
+    *,
+    velocity: Numbers | None = None,
+    torque: Numbers | None = None,
+    current: Numbers | None = None,
+    names: tuple[str, ...] = (),
+    units: Mapping[str, str] | None = None,
+) -> Measurement:
+    """Makes a log of any arm of what another program has measured, checked and repaired as `read_log` does.
+
+    Of a single joint the arrays may be (N,). What is odd stands in `oddities` of the result.
+
+    Args:
+        t: (N,), stamps, s, which begin again with each episode; or rows a second where there are none.
+        q: (N, n), positions, rad (m of joints that slide).
+        command: (N, n), commanded positions; None where nobody knows them.
+        velocity: (N, n), velocities, rad/s; None where they were not measured.
+        torque: (N, n), torque of the joints, N m; None where it was not measured.
+        current: (N, n), currents of the motors, A; None where they were not measured. A log has one of the two.
+        names: names of the joints; none for 1 to n.
+        units: other units by argument, such as {"t": "ms", "q": "deg", "current": "mA"}; command and velocity have
+            that of q if nothing else is said.
+
+    Raises:
+        ParameterError: shapes do not agree, or a unit or a name is none; the message names the argument.
+        RecordingError: something is wrong that cannot be put right; the message names column and row.
+    """
+    given = {"q": q, "command": command, "velocity": velocity, "torque": torque, "current": current}
+    return measurement_from(t, {k: v for k, v in given.items() if v is not None}, names, units or {})
+
+
+@checked
+def write_log(log: Measurement, path: AnyPath) -> None:
+    """Writes a log of any arm, in SI units, so that `read_log` and other programs read it without a map.
+
+    Args:
+        log: the log.
+        path: file to write, *.csv, *.parquet, or *.mcap with JointState messages of ROS 2, which needs the extra
+            rosbag; it appears complete or not at all.
+
+    Raises:
+        RecordingError: the path cannot be written.
+    """
+    write_measurement(log, Path(path))
 
 
 def _map(path: AnyPath | None) -> ColumnMap | None:

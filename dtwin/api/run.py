@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 import reprlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
@@ -17,6 +17,7 @@ from dtwin.emulation import MODEL_FILE
 from dtwin.errors import DtwinError, ParameterError, RecordingError, choices
 from dtwin.logs.log import Log
 from dtwin.logs.reading import completed, read_log
+from dtwin.measurements.arrays import Numbers
 from dtwin.parameters import PERIOD, ArmParameters
 from dtwin.run.cell import RunSummary
 from dtwin.run.hidden import HiddenLog
@@ -27,14 +28,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FrameLibrary = Literal["pandas", "polars"]
-Numbers = np.ndarray | Sequence
-"""an array, or lists that make one"""
 _LIBRARIES: Final[tuple[FrameLibrary, ...]] = ("pandas", "polars")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Run:
-    """A run of the cell, made by `Cell.run` or read by `load`.
+    """A run of the cell, made by `Cell.run` or `Run.from_arrays`, or read by `load`.
 
     Attributes:
         log: the run in columns, one row per 10 ms tick, with its events and what it was made with; read-only.
@@ -144,6 +143,53 @@ class Run:
         """
         self.log.write_parquet(Path(path))
 
+    @classmethod
+    @checked
+    def from_arrays(
+        cls,
+        measured: Numbers,
+        volts: Numbers,
+        *,
+        t: Numbers | None = None,
+        box_gripped: Numbers | None = None,
+        target: Numbers | None = None,
+        gripper: Numbers | None = None,
+        box_colour: Numbers | None = None,
+    ) -> Run:
+        """Makes a run of what was measured of an arm, to identify it, to monitor it or to save it as a log.
+
+        Row k holds a sample and the voltages that acted from then on until the next one, 10 ms later.
+
+        Args:
+            measured: (N, 3), joint angles as the encoders read them, rad, without jumps by a turn.
+            volts: (N, 3) or, with that of the gripper, (N, 4), voltages of the motors, V.
+            t: (N,), time, s; None for one row a tick from 0 on. Ticks may be missing.
+            box_gripped: (N,), whether a box is held; None for never.
+            target: (N, 3), desired angles, rad; None where nobody knows them.
+            gripper: (N,), readings of the gripper's encoder, rad; None where there is none.
+            box_colour: (N,), colour of the box that waits, "" for none; None where nobody looks.
+
+        Raises:
+            ParameterError: the shapes do not agree.
+            RecordingError: a number is not finite or out of range, or the rows are no ticks; the message names
+                column and row.
+        """
+        rows = len(measured)
+        given: dict[str, NDArray[Any]] = {
+            **_columns("measured", measured, rows, (3,)),
+            **_columns("volts", volts, rows, (3, 4)),
+            **({} if target is None else _columns("target", target, rows, (3,))),
+            "t": PERIOD * np.arange(rows) if t is None else _column("t", t, rows),
+            "box_gripped": np.zeros(rows, bool)
+            if box_gripped is None
+            else _column("box_gripped", box_gripped, rows) != 0,
+        }
+        if gripper is not None:
+            given["gripper"] = _column("gripper", gripper, rows)
+        if box_colour is not None:
+            given["box_colour"] = _column("box_colour", box_colour, rows, np.str_)
+        return cls(Log(completed("arrays", given, rows)), source="arrays")
+
 
 class RunError(DtwinError):
     """A run failed on its way.
@@ -168,52 +214,6 @@ def load(path: AnyPath) -> Run:
         RecordingError: the file is missing or no log.
     """
     return Run(read_log(Path(path)), source=str(path))
-
-
-@checked
-def from_arrays(
-    measured: Numbers,
-    volts: Numbers,
-    *,
-    t: Numbers | None = None,
-    box_gripped: Numbers | None = None,
-    target: Numbers | None = None,
-    gripper: Numbers | None = None,
-    box_colour: Numbers | None = None,
-) -> Run:
-    """Makes a run of what was measured of an arm, to identify it, to monitor it or to save it as a log.
-
-    Row k holds a sample and the voltages that acted from then on until the next one, 10 ms later.
-
-    Args:
-        measured: (N, 3), joint angles as the encoders read them, rad, without jumps by a turn.
-        volts: (N, 3) or, with that of the gripper, (N, 4), voltages of the motors, V.
-        t: (N,), time, s; None for one row a tick from 0 on. Ticks may be missing.
-        box_gripped: (N,), whether a box is held; None for never.
-        target: (N, 3), desired angles, rad; None where nobody knows them.
-        gripper: (N,), readings of the gripper's encoder, rad; None where there is none.
-        box_colour: (N,), colour of the box that waits, "" for none; None where nobody looks.
-
-    Raises:
-        ParameterError: the shapes do not agree.
-        RecordingError: a number is not finite or out of range, or the rows are no ticks; the message names column and
-            row.
-    """
-    rows = len(measured)
-    given: dict[str, NDArray[Any]] = {
-        **_columns("measured", measured, rows, (3,)),
-        **_columns("volts", volts, rows, (3, 4)),
-        **({} if target is None else _columns("target", target, rows, (3,))),
-        "t": PERIOD * np.arange(rows) if t is None else _column("t", t, rows),
-        "box_gripped": np.zeros(rows, bool)
-        if box_gripped is None
-        else _column("box_gripped", box_gripped, rows) != 0,
-    }
-    if gripper is not None:
-        given["gripper"] = _column("gripper", gripper, rows)
-    if box_colour is not None:
-        given["box_colour"] = _column("box_colour", box_colour, rows, np.str_)
-    return Run(Log(completed("arrays", given, rows)), source="arrays")
 
 
 def _columns(name: str, values: Numbers, rows: int, widths: tuple[int, ...]) -> dict[str, NDArray[Any]]:

@@ -140,6 +140,9 @@ GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
             "identify the arm from a log or a simulated experiment",
         ),
         "log show": Subcommand("measurements.log", "LogShow", "show what is in a log of any arm, and what is odd"),
+        "log convert": Subcommand(
+            "measurements.log", "LogConvert", "write a log of any arm as CSV, Parquet or MCAP, in SI units"
+        ),
         "experiment real": Subcommand(
             "measurements.real",
             "ExperimentReal",

@@ -143,7 +143,7 @@ def _other(path: Path) -> str:
     if start == b"PAR1":
         return ", this is the beginning of one: it was cut off or is damaged"
     if path.suffix.lower() in (".csv", ".tsv", ".txt", ".xlsx", ".h5", ".mat", ".npz", ".json", ".feather", ".arrow"):
-        return f", got {path.suffix}; dtwin.from_arrays makes a log of columns that other software has read"
+        return f", got {path.suffix}; dtwin.Run.from_arrays makes a log of columns that other software has read"
     return ""
 
 

@@ -17,6 +17,7 @@ from dtwin.measurements import repairs
 from dtwin.measurements.columns import ANGLES, EFFORTS, TIME, ColumnMap, Role
 from dtwin.measurements.doors import Table
 from dtwin.measurements.measurement import Array, Effort, Measurement
+from dtwin.measurements.naming import parsed_name
 from dtwin.measurements.rows import Rows
 
 _IMPOSSIBLE: Final = 1e4
@@ -197,6 +198,9 @@ def _finished(rows: Rows, arm: Arm | None) -> Measurement:
 
 def _short(names: tuple[str, ...]) -> tuple[str, ...]:
     """Names of columns without the words that all of them have, such as observation.state.shoulder.pos."""
+    said = [parsed_name(name) for name in names]
+    if all(said):
+        return tuple(each.joint for each in said if each)
     words = [name.split(".") for name in names]
     if len(names) < 2 or min(map(len, words)) < 2:
         return names

@@ -28,6 +28,7 @@ import numpy as np
 
 from dtwin.errors import RecordingError, choices
 from dtwin.files import reason_of
+from dtwin.measurements import naming
 from dtwin.measurements.doors import Table
 from dtwin.measurements.measurement import Effort
 
@@ -175,6 +176,9 @@ _TIME_NAMES: Final = (
 _EPISODES: Final = r"^(episode|episode_index|episode_id|run|trial)$"
 _APART: Final = 10
 """Rows over which a slope is taken, so that steps of the encoder and jitter of the stamps do not hide it."""
+_CELL: Final = ("measured_1", "measured_2", "measured_3", "volts_1", "volts_2", "volts_3", "t")
+"""Columns of a log of the cell: what was measured, not what was true."""
+_TARGETS: Final = ("target_1", "target_2", "target_3")
 _LEFT_OUT: Final = (
     r"(frame|index|ee_|est|err|mask|valid|raw|feedback|feedforward|friction|rigid|qdd|accel|quat|payload)"
 )
@@ -190,6 +194,10 @@ def guess_map(table: Table, joints: int | None = None) -> ColumnMap:
     """
     if not table.named:
         return _by_numbers(table, joints)
+    if naming.is_ours(table.columns):
+        return _by_our_names(table)
+    if set(_CELL) <= set(table.columns):
+        return ColumnMap(Role(_CELL[:3], "rad"), "t", effort=Role(_CELL[3:6], "V"), command=_targets(table))
     names = list(table.columns)
     time = next((n for n in names if re.search(_TIME_NAMES, n, re.IGNORECASE)), "")
     episode = next((n for n in names if re.search(_EPISODES, n, re.IGNORECASE)), "")
@@ -211,6 +219,31 @@ def guess_map(table: Table, joints: int | None = None) -> ColumnMap:
     }
     unit = next((u for u in ("ms", "us", "ns") if re.search(rf"_?{u}$", time, re.IGNORECASE)), "s")
     return ColumnMap(time=time, time_unit=unit, episode=episode, **roles)
+
+
+def _targets(table: Table) -> Role | None:
+    """Desired positions of a log of the cell, where it has them."""
+    return Role(_TARGETS, "rad") if set(_TARGETS) <= set(table.columns) else None
+
+
+def _by_our_names(table: Table) -> ColumnMap:
+    """What the columns of a file that we wrote are: they say it. Quantities that not every joint has are left out."""
+    found: dict[str, dict[str, str]] = {}
+    units: dict[str, str] = {}
+    for name in table.columns:
+        if (said := naming.parsed_name(name)) is not None:
+            role = "effort" if said.quantity in naming.KINDS else said.quantity
+            found.setdefault(role, {})[said.joint] = name
+            units[role] = "" if said.unit == "?" else said.unit
+    joints = found.get("position", {})
+    if not joints:
+        raise RecordingError(f"{table.source}: no columns of positions: the file has {', '.join(table.columns)}")
+    roles: dict[str, Any] = {
+        role: Role(tuple(columns[joint] for joint in joints), units[role])
+        for role, columns in found.items()
+        if set(columns) == set(joints)
+    }
+    return ColumnMap(time=naming.TIME, episode=naming.EPISODE if naming.EPISODE in table.columns else "", **roles)
 
 
 def _stem(name: str) -> str:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 import zipfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -82,8 +83,9 @@ def _csv(path: Path) -> Table:
     lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
     if not lines:
         raise RecordingError(f"{path}: expected rows of numbers, this is empty")
-    delimiter = max(_DELIMITERS, key=lines[0].count)
-    if lines[0].count(delimiter):
+    bare = re.sub(r'"[^"]*"', "", lines[0])  # what a quoted name holds divides nothing
+    delimiter = max(_DELIMITERS, key=bare.count)
+    if bare.count(delimiter):
         fields = [
             [field.strip() for field in row] for row in csv.reader(io.StringIO("\n".join(lines)), delimiter=delimiter)
         ]

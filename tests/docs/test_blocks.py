@@ -79,6 +79,7 @@ READ: Final = {
     "mcp approve": LIVE,
     "mcp decline": LIVE,
     "log show": "reads a file of another program: tests/commands/test_other_arms.py draws one",
+    "log convert": "reads a file of another program: tests/measurements/test_writing.py writes some",
     "health": "reads a data set of another program: tests/commands/test_other_arms.py draws one",
     "status": LIVE,
     "watch": LIVE,
@@ -151,6 +152,7 @@ PROGRAMS: Final = {
 HELD: Final = {
     ("docs/line.md", "toml"): "tests/line/test_line_files.py",
     ("docs/real-logs.md", "toml"): "tests/measurements/test_spoiled.py",
+    ("docs/real-logs.md", "python"): "tests/measurements/test_arrays.py",
     ("README.md", "python"): "tests/test_docs.py",
     ("README.md", "text"): "test_the_output_that_the_readme_shows_is_what_is_printed",
     ("docs/clients.md", "python"): "tests/services/test_clients.py",

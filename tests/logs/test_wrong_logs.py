@@ -160,7 +160,7 @@ def test_a_file_without_rows_is_an_empty_log(tmp_path: Path) -> None:
     ("name", "data", "message"),
     [
         ("empty.parquet", b"", "expected a Parquet file, this is empty"),
-        ("log.csv", b"t,measured_1\n0,0\n", "expected a Parquet file, got .csv; dtwin.from_arrays makes a log"),
+        ("log.csv", b"t,measured_1\n0,0\n", "expected a Parquet file, got .csv; dtwin.Run.from_arrays makes a log"),
     ],
 )
 def test_other_files_are_named(tmp_path: Path, name: str, data: bytes, message: str) -> None:
@@ -195,7 +195,7 @@ def test_arrays_make_a_log_that_is_read_back(tmp_path: Path) -> None:
     plain = table()
     measured = np.column_stack([plain.column(f"measured_{joint}") for joint in (1, 2, 3)])
     volts = np.column_stack([plain.column(f"volts_{joint}") for joint in (1, 2, 3)])
-    run = dtwin.from_arrays(measured, volts.tolist(), box_gripped=[row > 20 for row in range(ROWS)])
+    run = dtwin.Run.from_arrays(measured, volts.tolist(), box_gripped=[row > 20 for row in range(ROWS)])
     run.save(tmp_path / "log.parquet")
     found = dtwin.load(tmp_path / "log.parquet")
     assert np.array_equal(found.log.stack("measured"), measured)
@@ -217,4 +217,4 @@ def test_arrays_make_a_log_that_is_read_back(tmp_path: Path) -> None:
 def test_arrays_that_are_no_log(change: dict[str, Any], message: str) -> None:
     right: dict[str, Any] = {"measured": np.zeros((ROWS, 3)), "volts": np.zeros((ROWS, 3))}
     with pytest.raises(dtwin.DtwinError, match=message):
-        dtwin.from_arrays(**{**right, **change})
+        dtwin.Run.from_arrays(**{**right, **change})

@@ -37,7 +37,7 @@ def test_joint_states_are_read_from_folder_and_file(tmp_path: Path) -> None:
     (file,) = folder.glob("*.mcap")
     for path in (folder, file):
         table = table_of(path)
-        assert np.allclose(table.columns["position.a"], np.sin(0.1 * np.arange(100)))
+        assert np.allclose(table.columns["position.a [rad]"], np.sin(0.1 * np.arange(100)))
         found = read_measurement(path)
         assert found.joints == ("b", "a")
         assert found.v is not None

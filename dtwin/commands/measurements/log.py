@@ -1,4 +1,4 @@
-"""`dtwin log show`."""
+"""`dtwin log show` and `dtwin log convert`."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from dtwin.measurements.columns import checked_map, guess_map, map_text, read_ma
 from dtwin.measurements.measurement import Measurement
 from dtwin.measurements.page import HEAD, oddities, page, rows_of, summary
 from dtwin.measurements.reading import table_of
+from dtwin.measurements.writing import ENDINGS, POSITIONS, write_measurement
 from dtwin.terminal import as_text, print_json, print_table
 
 
@@ -79,3 +80,42 @@ class LogShow:
         console.print(as_text(f"columns, {source}:"))
         for line in columns.splitlines():
             console.print(as_text(line))
+
+
+@dataclass(frozen=True)
+class LogConvert:
+    """Write a log of any arm as a CSV, Parquet or MCAP file, in SI units, with what could be repaired.
+
+    The columns name their units, so that the file is read without a map. MCAP holds JointState messages of ROS 2 and
+    needs the extra rosbag. The exit status is 1 when something is odd that could not be repaired.
+    """
+
+    log: Annotated[Path, tyro.conf.Positional]
+    """CSV, Parquet, NPZ, MAT or MCAP file, or the folder of a LeRobot data set or of a rosbag2."""
+    out: Annotated[Path, tyro.conf.Positional]
+    """File to write, which ends in .csv, .parquet or .mcap."""
+    columns: Path | None = None
+    """TOML file that says what the columns mean; guessed if not given."""
+    arm: Path | None = None
+    """URDF file of the arm, by whose joints and limits the log is checked and named."""
+    tip: str | None = None
+    """Last link of the chain (--arm); the end of the longest chain if not given."""
+    json: bool = False
+    """Print one JSON object on standard output and nothing else."""
+
+    def execute(self) -> int:
+        ensure_writable(self.out, *ENDINGS)
+        arm = None if self.arm is None else read_urdf(self.arm, tip=self.tip)
+        joints = None if arm is None else len(arm)
+        table = table_of(self.log)
+        columns = guess_map(table, joints) if self.columns is None else read_map(self.columns)
+        found = measurement_of(table, checked_map(columns, table, joints), arm)
+        unit = columns.position.unit
+        write_measurement(found, self.out, unit if unit in POSITIONS else "m" if unit == "mm" else "rad")
+        if self.json:
+            print_json({"written": str(self.out), "summary": summary(found), "odd": oddities(found)})
+        else:
+            console = Console(highlight=False, soft_wrap=True)
+            for line in [*summary(found), *oddities(found), f"written: {self.out}"]:
+                console.print(as_text(line))
+        return 1 if any(not odd.repaired for odd in found.oddities) else 0
