@@ -7,6 +7,8 @@ from typing import Final
 
 from iec61499.errors import FunctionBlockError
 
+CHECK: Final = "TEST_CONDITION"
+"""Type of a block that checks."""
 END: Final = "STEST_END"
 """Type of the block that ends a test."""
 NAMED: Final = 5

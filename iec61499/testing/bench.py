@@ -10,9 +10,11 @@ from typing import Any
 
 from iec61499 import model
 from iec61499.errors import FunctionBlockError, ToolError, choices
+from iec61499.library import Library
 from iec61499.literals import format_literal, parse_duration
 from iec61499.testing import session
-from iec61499.testing.runtimes import Issued, Runtime, runtime
+from iec61499.testing.devices import DeviceRuntime
+from iec61499.testing.runtimes import EmbeddedRuntime, Issued, NativeRuntime, Runtime
 
 MILLISECOND = 1_000_000
 """ns"""
@@ -127,6 +129,15 @@ class Bench(Ports):
         waiting = self._runtime.due()
         return None if waiting is None else waiting / 1e9
 
+    def wait(self, number: int) -> tuple[str, ...]:
+        """Waits until so many event outputs have come that do not come at once, and gives them.
+
+        In simulated time that takes a day at most, on a device, in real time, 5 s.
+        """
+        self.__dict__["issued"] = self._runtime.wait(number)
+        self.__dict__["events"] = tuple(name for name, _ in self.issued)
+        return self.events
+
     def close(self) -> None:
         """Ends it; what it has executed is counted by then."""
         self._runtime.close()
@@ -179,9 +190,18 @@ def bench_of(kind: model.LibraryElement, folder: Path, parameters: Mapping[str, 
             valid = choices(types) if types else "none, as it has none"
             raise FunctionBlockError(f"{kind.header.name} has no input {name!r} with a type: expected {valid}")
         literals[name] = format_literal(value_of(value, data_type), data_type)
-    made = Bench(kind, runtime(session.current.runtime, kind, library, literals))
+    made = Bench(kind, _runtime(kind, library, literals))
     session.current.opened.append(made.close)
     return made
+
+
+def _runtime(kind: model.LibraryElement, library: Library, literals: Mapping[str, str]) -> Runtime:
+    """What the session executes blocks with, with the block in it. Raises ToolError."""
+    if session.current.runtime == "embedded":
+        return EmbeddedRuntime(kind, library, literals)
+    if session.current.runtime == "native":
+        return NativeRuntime(kind, library, literals)
+    return DeviceRuntime(kind, library, literals, session.current.client())
 
 
 def block(name: str, /, folder: str | Path | None = None, **inputs: Any) -> Bench:

@@ -14,7 +14,8 @@ import pytest
 from iec61499.errors import ToolError
 from iec61499.testing import bench, programs, session
 from iec61499.testing.report import summary, write_page
-from iec61499.testing.sequences import Inapplicable, Sequence, read_sequences, run_sequence
+from iec61499.testing.runtimes import Inapplicable
+from iec61499.testing.sequences import Sequence, read_sequences, run_sequence
 
 TYPES = (".fbt", ".fct")
 PROGRAMS = (".sys", ".fboot")
@@ -37,6 +38,10 @@ def pytest_configure(config: pytest.Config) -> None:
     )
 
 
+def pytest_unconfigure() -> None:
+    session.current.end()
+
+
 def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Collector | None:
     if not parent.config.getoption("--fb-files"):
         return None
@@ -50,7 +55,17 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Col
 
 
 class BlockItem(pytest.Item):
-    """A test without Python, whose failure is told in one line."""
+    """A test without Python, whose failure is told in one line, and which is left out where it cannot be."""
+
+    def runtest(self) -> None:
+        try:
+            self.execute()
+        except Inapplicable as reason:
+            pytest.skip(str(reason))
+
+    def execute(self) -> None:
+        """What is tested. Raises ToolError when it fails, Inapplicable where it cannot be tested."""
+        raise NotImplementedError
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
         if isinstance(excinfo.value, ToolError):
@@ -79,12 +94,9 @@ class SequenceItem(BlockItem):
         super().__init__(**rest)
         self.sequence = sequence
 
-    def runtest(self) -> None:
+    def execute(self) -> None:
         library = session.current.library(self.path.parent)
-        try:
-            run_sequence(self.sequence, library.find(self.path.stem))
-        except Inapplicable as reason:
-            pytest.skip(str(reason))
+        run_sequence(self.sequence, library.find(self.path.stem))
 
 
 class ProgramFile(pytest.File):
@@ -97,7 +109,7 @@ class ProgramFile(pytest.File):
 class ProgramItem(BlockItem):
     """The run of a program to its STEST_END."""
 
-    def runtest(self) -> None:
+    def execute(self) -> None:
         programs.run_program(self.path)
 
 

@@ -19,15 +19,9 @@ from iec61499.literals import format_literal
 from iec61499.runtime.compile import has_no_service
 from iec61499.testing import session
 from iec61499.testing.bench import Bench, bench_of
-from iec61499.testing.runtimes import Issued
+from iec61499.testing.runtimes import Inapplicable, Issued
 
-LONGEST: Final = 86_400.0
-"""Longest time for which an output is waited for, s of simulated time."""
 _QUALIFIERS: Final = {"+": "TRUE", "-": "FALSE"}
-
-
-class Inapplicable(FunctionBlockError):
-    """A sequence describes what its block does not have: a draft of an editor, or what only a platform does."""
 
 
 class Failed(FunctionBlockError):
@@ -136,7 +130,7 @@ def run_sequence(sequence: Sequence, kind: model.LibraryElement) -> None:
         FunctionBlockError: the block is wrong, or has failed.
     """
     _check(sequence, kind)
-    if session.current.is_own and isinstance(kind, model.ServiceInterfaceFBType) and has_no_service(kind):
+    if not session.current.is_device and isinstance(kind, model.ServiceInterfaceFBType) and has_no_service(kind):
         message = f"{sequence.name}: {kind.header.name} is a service that this runtime does not have"
         raise Inapplicable(message, sequence.file, sequence.line)
     bench = bench_of(kind, Path(kind.header.file).parent, {})
@@ -189,19 +183,22 @@ def _go_through(transaction: Transaction, bench: Bench, sequence: Sequence) -> N
         inputs = {name: _value(literal, types[name], sequence, primitive) for name, literal in given}
         bench.fire(primitive.event, **inputs)
         came += bench.issued
-    waited = 0.0
-    while len(came) < len(transaction.outputs) and (due := bench.due()) is not None and waited + due <= LONGEST:
-        bench.advance(due)
-        waited += due
+    if len(came) < len(transaction.outputs):
+        bench.wait(len(transaction.outputs) - len(came))
         came += bench.issued
     cause = ", ".join(map(str, transaction.inputs)) or "time"
     line = transaction.inputs[0].line if transaction.inputs else sequence.line
-    expected = [primitive.event for primitive in transaction.outputs]
+    outputs = transaction.outputs
+    if session.current.is_device:  # which does not tell the order
+        order = [event.name for event in interface.event_outputs]
+        outputs = tuple(sorted(outputs, key=lambda primitive: order.index(primitive.event)))
+        came.sort(key=lambda issued: order.index(issued[0]))
+    expected = [primitive.event for primitive in outputs]
     got = [name for name, _ in came]
     if got != expected:
         wanted, found = (", ".join(names) or "no event" for names in (expected, got))
         raise Failed(f"{sequence.name}: after {cause} expected {wanted}, got {found}", sequence.file, line)
-    for primitive, (_, values) in zip(transaction.outputs, came, strict=True):
+    for primitive, (_, values) in zip(outputs, came, strict=True):
         for name, literal in primitive.parameters:
             kind = types[name]
             if not literal or isinstance(kind, model.GenericType):

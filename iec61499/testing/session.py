@@ -6,7 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from iec61499.errors import CommunicationError
 from iec61499.library import Library
+from iec61499.management.client import ManagementClient
+from iec61499.net.address import parse_stream_address
 from iec61499.testing.coverage import CoveredLibrary, Measured
 
 
@@ -26,11 +29,12 @@ class Session:
     blocks: Path | None = None
     opened: list[Callable[[], None]] = field(default_factory=list)
     _libraries: dict[Path, Library] = field(default_factory=dict)
+    _client: ManagementClient | None = None
 
     @property
-    def is_own(self) -> bool:
-        """Whether the blocks run in this process, not on a device."""
-        return self.runtime in ("embedded", "native")
+    def is_device(self) -> bool:
+        """Whether the blocks run on a device, not in this process."""
+        return self.runtime not in ("embedded", "native")
 
     def library(self, folder: Path) -> Library:
         """The library of a folder, read once. Raises FunctionBlockError."""
@@ -38,6 +42,29 @@ class Session:
         if chosen not in self._libraries:
             self._libraries[chosen] = CoveredLibrary([chosen]) if self.covered else Library([chosen])
         return self._libraries[chosen]
+
+    def client(self) -> ManagementClient:
+        """The session with the device: one for all tests, as a 4diac FORTE has one client at a time.
+
+        Raises:
+            CommunicationError: nobody answers at the address.
+        """
+        if self._client is None:
+            made = ManagementClient(parse_stream_address(self.runtime))
+            try:
+                made.blocks("")
+            except CommunicationError:  # a FORTE may not have noticed yet that the client before has gone
+                made.reconnect()
+            self._client = made
+        elif self._client.lost:
+            self._client.reconnect()
+        return self._client
+
+    def end(self) -> None:
+        """Ends the session with the device, if there is one."""
+        if self._client is not None:
+            self._client.close()
+            self._client = None
 
     def close(self) -> None:
         """Ends what the test has opened."""
