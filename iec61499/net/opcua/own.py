@@ -13,8 +13,8 @@ from iec61499.errors import CommunicationError
 from iec61499.net.inlet import Inlet
 from iec61499.net.opcua.identifiers import Action
 from iec61499.net.opcua.server import NodeServer
+from iec61499.net.opcua.structures import AnyConverter, any_converters
 from iec61499.net.opcua.thread import LoopThread
-from iec61499.net.opcua.values import Converter, converters
 
 ANSWER: Final = 4.0
 """Longest time that the caller of a method waits for the block's answer, s, as with 4diac FORTE."""
@@ -42,8 +42,8 @@ class OwnChannel:
         self._nodes: list[ua.NodeId] = []
         self._used: list[ua.NodeId] = []
         self._under_way = 0
-        self._sends = converters(inlet.port.sends)
-        self._receives = converters(inlet.port.receives)
+        self._sends = any_converters(inlet.port.sends)
+        self._receives = any_converters(inlet.port.receives)
         thread.submit(self._open())
 
     def send(self, values: tuple[Any, ...]) -> None:
@@ -64,6 +64,8 @@ class OwnChannel:
 
     async def _open(self) -> None:
         try:
+            for each in (*self._sends, *self._receives):
+                await self._server.know(each)
             await self._prepare()
         except ERRORS as error:
             self._inlet.refuse_open("TERMINATED", str(error))
@@ -120,7 +122,7 @@ class ReadChannel(OwnChannel):
             self._written.append((node, written))
             self._used += used
 
-    def _take(self, number: int, each: Converter, variant: ua.Variant | None) -> None:
+    def _take(self, number: int, each: AnyConverter, variant: ua.Variant | None) -> None:
         try:
             self._values[number] = each.decode(variant)
         except CommunicationError as error:
@@ -199,7 +201,7 @@ def _answered(answer: asyncio.Future[list[ua.Variant]], variants: list[ua.Varian
         answer.set_result(variants)
 
 
-def _argument(name: str, each: Converter) -> ua.Argument:
+def _argument(name: str, each: AnyConverter) -> ua.Argument:
     return ua.Argument(Name=name, DataType=each.data_type, ValueRank=each.rank)
 
 

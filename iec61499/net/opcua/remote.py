@@ -22,8 +22,8 @@ from iec61499.net.opcua.identifiers import Action, Place
 from iec61499.net.opcua.own import ERRORS, UNDER_WAY, Together
 from iec61499.net.opcua.security import application_uri
 from iec61499.net.opcua.server import identifier
+from iec61499.net.opcua.structures import any_converters, bind_remote
 from iec61499.net.opcua.thread import LoopThread
-from iec61499.net.opcua.values import converters
 from iec61499.net.settings import Peer
 
 log = logging.getLogger(__name__)
@@ -153,8 +153,8 @@ class RemoteChannel:
         self._together = Together(inlet)
         self._told = ""
         self._under_way = 0
-        self._sends = converters(inlet.port.sends)
-        self._receives = converters(inlet.port.receives)
+        self._sends = any_converters(inlet.port.sends)
+        self._receives = any_converters(inlet.port.receives)
         self._values = [kind.default for kind in inlet.port.receives]
         inlet.put(inlet.port.confirm_open)
         thread.submit(connection.add(self))
@@ -183,6 +183,7 @@ class RemoteChannel:
             self._nodes = [await _node(client, place) for place in self._action.places]
             if self._action.name == "CALL_METHOD":
                 self._parent = await _parent(client, self._action.places[0])
+            await self._bind(client)
             self._client = client
             if self._action.name == "SUBSCRIBE":
                 self._subscription = await client.create_subscription(PUBLISHING, self)
@@ -194,6 +195,22 @@ class RemoteChannel:
         else:
             self._told = ""
             self.is_prepared = True
+
+    async def _bind(self, client: Client) -> None:
+        """Asks the server how it encodes structures. Raises what is in ERRORS."""
+        given = [each for each in (*self._sends, *self._receives) if each.variant == ua.VariantType.ExtensionObject]
+        if not given:
+            return
+        if self._action.name != "CALL_METHOD":
+            for each, node in zip((*self._sends, *self._receives), self._nodes, strict=True):
+                await bind_remote(client, each, await node.read_data_type())
+            return
+        for name, converters in (("InputArguments", self._sends), ("OutputArguments", self._receives)):
+            arguments = await (await self._nodes[0].get_child(f"0:{name}")).read_value() if converters else []
+            if len(arguments) != len(converters):
+                raise CommunicationError(f"the method has {len(arguments)} {name}, expected {len(converters)}")
+            for each, argument in zip(converters, arguments, strict=True):
+                await bind_remote(client, each, argument.DataType)
 
     def lost(self) -> None:
         """The connection has gone."""

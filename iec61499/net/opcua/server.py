@@ -25,7 +25,7 @@ from iec61499.errors import CommunicationError
 from iec61499.net.address import Address
 from iec61499.net.opcua.identifiers import NodeName, Place
 from iec61499.net.opcua.security import application_uri
-from iec61499.net.opcua.values import Converter
+from iec61499.net.opcua.structures import AnyConverter, Known, bind_own
 from iec61499.net.settings import OwnServer
 
 log = logging.getLogger(__name__)
@@ -65,9 +65,16 @@ class NodeServer:
         self._readers: dict[ua.NodeId, Written] = {}
         self._users: dict[ua.NodeId, int] = {}
         self._methods: set[ua.NodeId] = set()
+        self._structures: Known = {}
+
+    async def know(self, converter: AnyConverter) -> None:
+        """Makes the data type of a structure, unless it is there; others need nothing. Raises CommunicationError."""
+        if converter.data_type.is_null():
+            async with self._lock:
+                await bind_own(await self._listening(), converter, self._structures)
 
     async def variable(
-        self, place: Place, converter: Converter, value: ua.Variant, written: Written | None
+        self, place: Place, converter: AnyConverter, value: ua.Variant, written: Written | None
     ) -> tuple[ua.NodeId, list[ua.NodeId]]:
         """A variable of a block, made unless it is there.
 

@@ -1,13 +1,12 @@
 """Values of function blocks as values of OPC UA, with the types that 4diac FORTE gives them.
 
 A TIME is an Int64 of nanoseconds, a date with or without a time of day a DateTime, a WORD a UInt16. Arrays of one
-dimension travel as such, and so does a structure LocalizedText. Other structures, enumerations and times of day have
-no form that peers would understand.
+dimension travel as such, and so does a structure LocalizedText; `structures` has the others. Enumerations and times
+of day have no form that peers would understand.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Any, Final
@@ -104,11 +103,6 @@ def converter(kind: DataType) -> Converter:
     if not isinstance(element, ElementaryType) or element.name not in _VARIANTS:
         raise CommunicationError(f"{kind} has no value of OPC UA: expected an elementary type, or an array of one")
     return Converter(element, _VARIANTS[element.name], length)
-
-
-def converters(kinds: Sequence[DataType]) -> tuple[Converter, ...]:
-    """What converts the values of several ports. Raises CommunicationError."""
-    return tuple(map(converter, kinds))
 
 
 def _encode(kind: ElementaryType | StructType, value: Value) -> Any:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Callable, Coroutine, Iterator
+from collections.abc import Callable, Coroutine, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -18,17 +19,15 @@ from iec61499.net.settings import Connections, OwnServer
 from tests.support.iec61499.served_device import ANY_PORT, ServedDevice, wait_for
 from tests.support.waiting import until
 
-pytest.importorskip("asyncua", reason="the extra opcua is not installed")
-
 LONG = 60.0
 """Longest time that a server takes to be made on a busy machine, s."""
 LOCAL = Connections(OwnServer("127.0.0.1:0"))
 
 
 @contextmanager
-def serving(connections: Connections = LOCAL) -> Iterator[ServedDevice]:
-    """A device that knows the standard's blocks."""
-    device = ServedDevice(Library([]), ANY_PORT, connections)
+def serving(connections: Connections = LOCAL, folders: Sequence[Path] = ()) -> Iterator[ServedDevice]:
+    """A device that knows the standard's blocks, and those in the folders."""
+    device = ServedDevice(Library(folders), ANY_PORT, connections)
     device.start()
     try:
         yield device
@@ -83,5 +82,9 @@ class Values:
 
     async def wait(self, value: Any) -> None:
         while value not in self._seen:
-            await asyncio.wait_for(self._come.wait(), LONG)
-            self._come.clear()
+            await self.change()
+
+    async def change(self) -> None:
+        """Ends as soon as a value has come since it was waited for last."""
+        await asyncio.wait_for(self._come.wait(), LONG)
+        self._come.clear()

@@ -5,14 +5,20 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import socket
+from typing import TYPE_CHECKING
 
 import pytest
-from asyncua import Client, ua
 
 from iec61499.management.client import ManagementClient
 from iec61499.net.settings import Connections, OwnServer
 from tests.iec61499.net.opcua.conftest import Values, endpoint, run, serving, wait
 from tests.support.iec61499.served_device import PATIENCE, ServedDevice, build
+
+if TYPE_CHECKING:
+    from asyncua import Client, ua
+else:
+    asyncua = pytest.importorskip("asyncua", reason="the extra opcua is not installed")
+    Client, ua = asyncua.Client, asyncua.ua
 
 PLANT = """
 IN SUBSCRIBE_2 QI=1 ID="opc_ua[READ;/Objects/Plant/Speed;/Objects/Plant/2:Name,1:s=name]"

@@ -4,14 +4,20 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import pytest
-from asyncua import Server, ua
 
 from iec61499.management.client import ManagementClient
 from tests.iec61499.net.opcua.conftest import LONG, run, wait
 from tests.support.iec61499.served_device import ServedDevice, build, wait_for
 from tests.support.ports import free_port
+
+if TYPE_CHECKING:
+    from asyncua import Server, ua
+else:
+    asyncua = pytest.importorskip("asyncua", reason="the extra opcua is not installed")
+    Server, ua = asyncua.Server, asyncua.ua
 
 NETWORK = """
 READ CLIENT_0_1 QI=1 ID="opc_ua[READ;opc.tcp://127.0.0.1:PORT#;/Objects/1:Level]"

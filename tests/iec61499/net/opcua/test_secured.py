@@ -5,9 +5,9 @@ from __future__ import annotations
 from datetime import UTC, datetime, timedelta
 from ipaddress import IPv4Address
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
-from asyncua import Client, ua
 from cryptography import x509
 from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import rsa
@@ -17,6 +17,12 @@ from iec61499.errors import ToolError
 from iec61499.net.settings import read_connections
 from tests.iec61499.net.opcua.conftest import endpoint, run, serving, wait
 from tests.support.iec61499.served_device import build
+
+if TYPE_CHECKING:
+    from asyncua import Client, ua
+else:
+    asyncua = pytest.importorskip("asyncua", reason="the extra opcua is not installed")
+    Client, ua = asyncua.Client, asyncua.ua
 
 
 def certify(folder: Path, name: str) -> None:
