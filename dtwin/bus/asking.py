@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from queue import Empty, SimpleQueue
 from typing import Any, Final
 
@@ -35,7 +34,7 @@ class Question:
     """One question to all who answer a key.
 
     Args:
-        session: Zenoh session that asks.
+        querier: what asks for the key, in a session; `declare_querier` makes it.
         key: key expression of the topic.
         sender: name of the service that should answer.
         timeout: longest wait for the answer, s.
@@ -45,14 +44,14 @@ class Question:
 
     def __init__(
         self,
-        session: zenoh.Session,
+        querier: zenoh.Querier,
         key: str,
         sender: str,
         timeout: float,
         asking: Asking | None,
         refuse: Callable[[str, str], None],
     ) -> None:
-        self._session = session
+        self._querier = querier
         self._key = key
         self._sender = sender
         self._timeout = timeout
@@ -70,17 +69,16 @@ class Question:
         """
         joining = min(self._timeout, TIMEOUT)
         began = time.monotonic()
-        with self._querier() as querier:
-            # A session that has just joined does not know the others yet.
-            if not _is_matched(querier, joining):
-                raise UnansweredError(self._nobody())
-            if self._asking is None:
-                return self._first(querier, payload)
-            return self._signed(querier, self._asking, payload, began + joining)
+        # A session that has just joined does not know the others yet.
+        if not _is_matched(self._querier, joining):
+            raise UnansweredError(self._nobody())
+        if self._asking is None:
+            return self._first(payload)
+        return self._signed(self._asking, payload, began + joining)
 
-    def _first(self, querier: zenoh.Querier, payload: bytes) -> bytes:
+    def _first(self, payload: bytes) -> bytes:
         """The first answer, from whomever."""
-        for answer in querier.get(payload=payload, encoding=JSON):
+        for answer in self._querier.get(payload=payload, encoding=JSON):
             if answer.err is not None:
                 said = answer.err.payload.to_bytes().decode(errors="replace")
                 if said == _ZENOH_TIMEOUT:
@@ -90,24 +88,24 @@ class Question:
                 return answer.ok.payload.to_bytes()
         raise UnansweredError(self._nobody())
 
-    def _signed(self, querier: zenoh.Querier, asking: Asking, payload: bytes, joined: float) -> bytes:
+    def _signed(self, asking: Asking, payload: bytes, joined: float) -> bytes:
         """The answer with the cell's signature; the challenge must come until a time."""
-        opened = self._challenged(querier, asking, payload, joined)
+        opened = self._challenged(asking, payload, joined)
         if opened is None:
             raise UnansweredError(self._nobody())
         if opened.kind is Kind.CHALLENGE:
-            opened = self._carried_out(querier, asking, payload, opened.challenge)
+            opened = self._carried_out(asking, payload, opened.challenge)
         if opened.kind is Kind.ANSWER:
             return opened.payload
         raise CommunicationError(f"{self._key}: {opened.payload.decode(errors='replace')}")
 
-    def _challenged(self, querier: zenoh.Querier, asking: Asking, payload: bytes, until: float) -> Opened | None:
+    def _challenged(self, asking: Asking, payload: bytes, until: float) -> Opened | None:
         """The challenge of somebody who answers; it is asked for until there is one, since that does nothing."""
         request = asking.request(payload, NO_CHALLENGE)
         inbox: SimpleQueue[Opened | None] = SimpleQueue()
         pause, short = _FIRST_PAUSE, _SHORT
         while (now := time.monotonic()) < until:
-            self._send(querier, asking, payload, request, inbox)
+            self._send(asking, payload, request, inbox)
             again = min(until, now + pause)
             pause *= 2.0
             short *= 2.0
@@ -121,10 +119,10 @@ class Question:
                 again = min(again, time.monotonic() + short)
         return None
 
-    def _carried_out(self, querier: zenoh.Querier, asking: Asking, payload: bytes, challenge: bytes) -> Opened:
+    def _carried_out(self, asking: Asking, payload: bytes, challenge: bytes) -> Opened:
         """The answer to a request that may act, which is sent once."""
         inbox: SimpleQueue[Opened | None] = SimpleQueue()
-        self._send(querier, asking, payload, asking.request(payload, challenge), inbox)
+        self._send(asking, payload, asking.request(payload, challenge), inbox)
         until = time.monotonic() + self._timeout
         while (left := until - time.monotonic()) > 0.0:
             try:
@@ -138,12 +136,7 @@ class Question:
         raise UnansweredError(self._silent())
 
     def _send(
-        self,
-        querier: zenoh.Querier,
-        asking: Asking,
-        payload: bytes,
-        request: bytes,
-        inbox: SimpleQueue[Opened | None],
+        self, asking: Asking, payload: bytes, request: bytes, inbox: SimpleQueue[Opened | None]
     ) -> None:
         """Sends a request; what can be believed goes into the inbox, and None when everybody has answered."""
 
@@ -163,20 +156,7 @@ class Question:
                 self._refuse(getattr(error, "reason", "invalid"), f"{self._key}: an answer to a request: {error}")
 
         handler = Callback(take, lambda: inbox.put(None), indirect=False)
-        querier.get(handler, payload=payload, encoding=JSON, attachment=request)
-
-    @contextmanager
-    def _querier(self) -> Iterator[zenoh.Querier]:
-        querier = self._session.declare_querier(
-            self._key,
-            target=zenoh.QueryTarget.ALL,
-            consolidation=zenoh.ConsolidationMode.NONE,
-            timeout=self._timeout,
-        )
-        try:
-            yield querier
-        finally:
-            querier.undeclare()
+        self._querier.get(handler, payload=payload, encoding=JSON, attachment=request)
 
     def _nobody(self) -> str:
         waited = min(self._timeout, TIMEOUT)
@@ -196,8 +176,18 @@ class Question:
         return f"; {count} without the signature of this cell did not count, the last one: {self._said}"
 
 
+def declare_querier(session: zenoh.Session, key: str, timeout: float) -> zenoh.Querier:
+    """What asks all who answer a key, each time with a timeout, s; it may ask many times, from several threads."""
+    return session.declare_querier(
+        key, target=zenoh.QueryTarget.ALL, consolidation=zenoh.ConsolidationMode.NONE, timeout=timeout
+    )
+
+
 def _is_matched(querier: zenoh.Querier, timeout: float) -> bool:
     """Whether somebody answers the key of a querier within a time, s."""
+    status: Any = querier.matching_status  # Zenoh's type stubs wrongly call it a bool.
+    if status.matching:
+        return True
     there = threading.Event()
 
     def note(status: Any) -> None:
@@ -206,7 +196,7 @@ def _is_matched(querier: zenoh.Querier, timeout: float) -> bool:
 
     listener = querier.declare_matching_listener(Callback(note, lambda: None))
     try:
-        status: Any = querier.matching_status  # Zenoh's type stubs wrongly call it a bool.
+        status = querier.matching_status  # which may have changed before the listener was there
         return bool(status.matching) or there.wait(timeout)
     finally:
         listener.undeclare()

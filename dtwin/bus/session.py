@@ -14,7 +14,8 @@ import zenoh
 from zenoh.handlers import Callback
 
 from dtwin.bus.answering import JSON, Answerer
-from dtwin.bus.asking import Question
+from dtwin.bus.asking import Question, declare_querier
+from dtwin.bus.attached import stay_attached
 from dtwin.bus.codec import M, MessageError, Reader, encode
 from dtwin.bus.exchange import Answering, Asking
 from dtwin.bus.messages import ALIVE, Topic
@@ -112,6 +113,7 @@ class Bus:
         self._session = session
         self._key = key
         self._declared: list[Any] = []
+        self._queriers: dict[tuple[str, float], zenoh.Querier] = {}
 
     def __enter__(self) -> Bus:
         return self
@@ -204,6 +206,7 @@ class Bus:
         verify = Verifier(self._key, self.key(topic)) if self._key else None
 
         def take(sample: zenoh.Sample) -> None:
+            stay_attached()
             payload = _bytes(sample.payload)
             try:
                 sender = b""
@@ -295,8 +298,15 @@ class Bus:
         key = self.key(topic)
         patience = topic.patience if timeout is None else timeout
         asking = Asking(self._key, key) if self._key else None
-        question = Question(self._session, key, topic.sender, patience, asking, self.refuse)
+        question = Question(self._querier(key, patience), key, topic.sender, patience, asking, self.refuse)
         return Reader(reply)(question.answer(b"" if message is None else encode(message)))
+
+    def _querier(self, key: str, patience: float) -> zenoh.Querier:
+        """What asks for a key, declared once: every declaration costs all other sessions time."""
+        with self._lock:
+            if (key, patience) not in self._queriers:
+                self._queriers[key, patience] = declare_querier(self._session, key, patience)
+            return self._queriers[key, patience]
 
     def _declare(self, declare: Callable[[str, Any], Any], key: str, take: Callable[[Any], None]) -> Any:
         # Direct: a hand-over to another thread would cost as much as the way over the wire.

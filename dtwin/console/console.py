@@ -94,6 +94,7 @@ class Console:
         self.attempts = Attempts()
         self.desk = hub.desk
         self.ring = Ring(hub.task.colours)
+        hub.keep = self.ring.add
         self._bus = bus
         self._audit = audit
 

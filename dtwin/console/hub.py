@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import threading
 from collections import deque
 from collections.abc import Callable
@@ -53,13 +54,17 @@ from dtwin.task import DEFAULT_TASK, Task
 log = logging.getLogger(__name__)
 
 ASKING: Final = 1.0
-"""Time between two rounds of questions, s."""
+"""Time between two rounds of questions while a page is open, s."""
+ASKING_UNREAD: Final = 2.0
+"""The same while none is, s: alarms need no more."""
 PATIENCE: Final = 1.0
 """Longest wait for one answer, s."""
 BEHIND: Final = 50
 """Number of samples by which the last one with a path may be older than the last one."""
 SILENT: Final = 3.0
 """Time without a word of a service after which its last word does not count any more, s."""
+KEPT_EVERY: Final = 0.1
+"""Time between two frames that are kept for replays, s."""
 FRESH: Final = 1000
 """Number of events that wait to be taken."""
 EVENTS_KEPT: Final = 60
@@ -111,11 +116,14 @@ class Hub:
         task: task of the cell.
         excited: motion of the last identification.
         desk: who has the desk of the cell.
+        keep: takes ten frames a second, on one of Zenoh's threads.
     """
 
     def __init__(self, bus: Bus, cell: str, arm: str, clocks: Clocks, task: Task = DEFAULT_TASK) -> None:
         self.task = task
         self.desk = Occupancy(bus)
+        self.keep: Callable[[Frame], object] = lambda frame: None
+        self._due = -math.inf
         self._bus = bus
         self._names = (cell, arm)
         self._clocks = clocks
@@ -160,7 +168,10 @@ class Hub:
         self._asking.join()
 
     def follow_path(self, wanted: bool) -> None:
-        """Has every sample, its command and the path sent at once or not, which costs all who send them time."""
+        """Has every sample, its command and the path sent at once or not, which costs all who send them time.
+
+        What is not published is asked for more often meanwhile.
+        """
         if wanted and not self._followed:
             bus = self._bus
             self._followed = [
@@ -169,6 +180,7 @@ class Hub:
                 bus.subscribe(ACTED, Acted, self._take_acted),
                 bus.subscribe(SENSORS, Sensors, Following(self._take_sensors, bus.refuse)),
             ]
+            self._news.set()
         elif not wanted and self._followed:
             for subscription in self._followed:
                 subscription.end()
@@ -289,18 +301,28 @@ class Hub:
         self.excited.take(ticks)
         if not self._followed:
             for sensors, acted in ticks:
-                self._take_sensors(sensors)
-                self._take_acted(acted)
+                self._note_colours(sensors)
+                self._acted = acted
+            self._note_newest(ticks[-1][0])
 
     def _take_sensors(self, sensors: Sensors) -> None:
-        self._sensors, self._heard = sensors, (self._clocks.steady(), self._clocks.wall())
-        self._opinion.sample(sensors.time, self._heard[0])
+        self._note_newest(sensors)
         with self._pairing:
             pair = self._pairs.first(sensors)
         if pair is not None and self._followed:
             self._on_path = pair
         elif self._on_path is not None and sensors.sequence - self._on_path[0].sequence not in range(BEHIND):
             self._on_path = None
+        self._note_colours(sensors)
+
+    def _note_newest(self, sensors: Sensors) -> None:
+        self._sensors, self._heard = sensors, (self._clocks.steady(), self._clocks.wall())
+        self._opinion.sample(sensors.time, self._heard[0])
+        if self._heard[0] >= self._due:
+            self._due = max(self._due + KEPT_EVERY, self._heard[0])
+            self.keep(self.frame())
+
+    def _note_colours(self, sensors: Sensors) -> None:
         waiting, held = self._colours
         if self._acted is None or not self._acted.box_gripped:
             held = waiting  # A box is held from the tick on in which it no longer waits.
@@ -360,7 +382,7 @@ class Hub:
                     self._stop = answer.stop
                 else:
                     self._ask_stop = True
-            self._news.wait(ASKING)
+            self._news.wait(ASKING if self._followed else ASKING_UNREAD)
             self._news.clear()
 
     def _ask(self, topic: Topic, reply: type[M]) -> M | None:

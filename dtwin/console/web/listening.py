@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import ipaddress
 import logging
 import socket
@@ -107,6 +108,27 @@ def is_loopback(host: str) -> bool:
         return host == "localhost"
 
 
+class _Server(uvicorn.Server):
+    """Sleeps until it shall end, instead of looking whether it shall ten times a second."""
+
+    def __init__(self, config: uvicorn.Config) -> None:
+        super().__init__(config)
+        self._ended = asyncio.Event()
+        self._loop: asyncio.AbstractEventLoop | None = None
+
+    async def main_loop(self) -> None:
+        """Waits for the end; `end` finds either the loop, or it is found here that it was called before."""
+        self._loop = asyncio.get_running_loop()
+        if not self.should_exit:
+            await self._ended.wait()
+
+    def end(self) -> None:
+        """Ends the server, from any thread."""
+        self.should_exit = True
+        if self._loop is not None:
+            self._loop.call_soon_threadsafe(self._ended.set)
+
+
 class Web:
     """A server that has begun to listen when it is made.
 
@@ -147,7 +169,7 @@ class Web:
         except OSError as error:
             sock.close()
             raise CommunicationError(f"{listening.certificate}: no certificate with its key: {error}") from None
-        self._uvicorn = uvicorn.Server(config)
+        self._uvicorn = _Server(config)
         self._thread = threading.Thread(target=self._uvicorn.run, args=([sock],), name="web", daemon=True)
         self._thread.start()
         deadline = time.monotonic() + STARTING
@@ -159,5 +181,5 @@ class Web:
     def close(self) -> None:
         """Ends the connections and the server."""
         self._server.close()
-        self._uvicorn.should_exit = True
+        self._uvicorn.end()
         self._thread.join()

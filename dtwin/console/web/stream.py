@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import math
+from contextlib import suppress
 from typing import Final
 
 import msgspec
@@ -22,8 +23,8 @@ RATE: Final = 20.0
 """Number of frames in a second."""
 STATE_EVERY: Final = 5
 """Number of frames between two looks at the state."""
-KEEP_EVERY: Final = 2
-"""Number of frames of which one is kept for replays."""
+UNREAD_EVERY: Final = 2 * STATE_EVERY
+"""The same while no page is open."""
 KEEPING: Final = 1.5
 """Time between two signs of life that are passed on to who keeps the desk, s."""
 ACTED: Final = "acted"
@@ -78,6 +79,7 @@ class Stream:
         self._console = console
         self._readers: set[Reader] = set()
         self._closed = False
+        self._opened = asyncio.Event()
 
     async def run(self) -> None:
         """Feeds all pages until it is cancelled."""
@@ -88,9 +90,20 @@ class Stream:
                 self._tell(count)
             except Exception:  # The loop serves everybody: nothing that is shown may end it.
                 log.exception("a frame was not told")
-            count += 1
-            due = max(due + 1.0 / RATE, loop.time())
-            await asyncio.sleep(due - loop.time())
+            passed = 1 if self._readers else UNREAD_EVERY - count % UNREAD_EVERY
+            count += passed
+            due = max(due + passed / RATE, loop.time())
+            if self._readers:
+                await asyncio.sleep(due - loop.time())
+            elif await self._has_opened(due - loop.time()):
+                due = loop.time()
+
+    async def _has_opened(self, timeout: float) -> bool:
+        """Whether a page is opened within a time, s."""
+        self._opened.clear()
+        with suppress(TimeoutError):
+            await asyncio.wait_for(self._opened.wait(), timeout)
+        return self._opened.is_set()
 
     def close(self) -> None:
         """Ends all connections."""
@@ -99,23 +112,22 @@ class Stream:
             reader.news.set()
 
     def _tell(self, count: int) -> None:
-        console = self._console
-        hub, ring = console.hub, console.ring
+        console, hub = self._console, self._console.hub
         hub.follow_path(bool(self._readers))
-        frame = hub.frame()
-        if count % KEEP_EVERY == 0:
-            ring.add(frame)
-        encoded = msgspec.json.encode(frame)
-        for reader in self._readers:
-            reader.put("frame", encoded)
+        if self._readers:
+            encoded = msgspec.json.encode(hub.frame())
+            for reader in self._readers:
+                reader.put("frame", encoded)
         if count % STATE_EVERY == 0:
             state, at = hub.state(), console.clocks.wall()
             console.annunciator.look(state, hub.fresh_events(), hub.age, at)
-            told, alarms = msgspec.json.encode(state), msgspec.json.encode(console.annunciator.told(at))
-            ring.add_state(at, told)
-            for reader in self._readers:
-                self._tell_state(reader, state, told)
-                reader.put_changed("alarms", alarms)
+            told = msgspec.json.encode(state)
+            console.ring.add_state(at, told)
+            if self._readers:
+                alarms = msgspec.json.encode(console.annunciator.told(at))
+                for reader in self._readers:
+                    self._tell_state(reader, state, told)
+                    reader.put_changed("alarms", alarms)
 
     def _tell_state(self, reader: Reader, state: CellState, told: bytes) -> None:
         session = self._console.session(reader.session.key)
@@ -137,6 +149,7 @@ class Stream:
         state = self._console.hub.state()
         self._tell_state(reader, state, msgspec.json.encode(state))
         self._readers.add(reader)
+        self._opened.set()
         listening = asyncio.create_task(self._listen(socket, reader))
         try:
             while not (listening.done() or self._closed or reader.over):
