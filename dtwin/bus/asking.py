@@ -135,9 +135,7 @@ class Question:
                 return found
         raise UnansweredError(self._silent())
 
-    def _send(
-        self, asking: Asking, payload: bytes, request: bytes, inbox: SimpleQueue[Opened | None]
-    ) -> None:
+    def _send(self, asking: Asking, payload: bytes, request: bytes, inbox: SimpleQueue[Opened | None]) -> None:
         """Sends a request; what can be believed goes into the inbox, and None when everybody has answered."""
 
         def take(reply: zenoh.Reply) -> None:
