@@ -99,6 +99,7 @@ class Service:
         inbox: what the main thread is to deal with; None asks it to end.
         stopping: whether it was asked to end.
         doing: what it does before it is ready, "" for nothing in particular.
+        supervised: whether a supervisor has started it, and starts it again when it ends.
 
     Raises:
         CommunicationError: the bus cannot be joined.
@@ -109,6 +110,7 @@ class Service:
         self.inbox: SimpleQueue[Any] = SimpleQueue()
         self.stopping = False
         self.doing = ""
+        self.supervised = LIFELINE in os.environ
         self._may_interrupt = False
         self._wake = wake
         self._woken = threading.Event()

@@ -40,7 +40,9 @@ from dtwin.signals import Event
 LIFELINE: Final = "DTWIN_LIFELINE"
 """Environment variable of the children: the descriptor that is at its end when the supervisor has gone."""
 PREPARED: Final = "DTWIN_PREPARED"
-"""Environment variable of a child that starts again: what it needs was compiled before an earlier one was ready."""
+"""Environment variable of a child that starts again: what it needs was compiled by an earlier one."""
+AGAIN: Final = 75
+"""Exit status of a service that has compiled what it needs, and starts again without the memory of the compiler."""
 FIRST_DELAY: Final = 0.1
 """s before the first restart; every further one waits twice as long"""
 LAST_DELAY: Final = 8.0
@@ -129,6 +131,10 @@ class _Child:
             return
         self._process = None
         self.alive = False
+        if code == AGAIN and not self._prepared:
+            self._prepared = True
+            self.start()
+            return
         if code == 0 and self.program.leading:
             self.done = True
             return

@@ -6,10 +6,13 @@ Several services that want the same kernel wait for one another, see `dtwin.twin
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from dtwin.services.parts.readiness.compiler_memory import release_compiler
+from dtwin.services.supervisor import AGAIN, PREPARED
 from dtwin.twin.compiled import compilations
 
 if TYPE_CHECKING:
@@ -22,11 +25,15 @@ Part = tuple[str, Callable[[], object]]
 def prepare(service: Service, parts: Sequence[Part]) -> None:
     """Does every part of the work once and tells how far that is, until the service is asked to end.
 
-    The memory of the compiler is given back at the end.
+    The memory of the compiler is given back at the end. That of one that had to compile cannot be, 250 MB for the
+    monitor: a service that is supervised ends then, and its supervisor starts it again, which finds all compiled.
 
     Args:
         service: the service, which is not ready yet.
         parts: the parts in the order in which they are done.
+
+    Raises:
+        SystemExit: the service shall be started again.
     """
     compiled = 0
     now = ""
@@ -46,5 +53,7 @@ def prepare(service: Service, parts: Sequence[Part]) -> None:
             now = f"prepares {name}, {number} of {len(parts)}"
             tell()
             act()
+    if compiled and service.supervised and PREPARED not in os.environ:
+        sys.exit(AGAIN)
     release_compiler()
     service.doing = ""
