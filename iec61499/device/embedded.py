@@ -49,6 +49,7 @@ class EmbeddedDevice:
             in its folder, if it is a Unix domain socket.
         test_over: called when a test has ended: by an STEST_END, or in an error of a resource of a program with one.
         connections: where its own OPC UA server listens, and how to log in to other servers.
+        native: whether machine code executes the resources, which then are not changed while they run.
     """
 
     def __init__(
@@ -58,8 +59,10 @@ class EmbeddedDevice:
         management: StreamAddress,
         test_over: Callable[[], None] = lambda: None,
         connections: Connections | None = None,
+        native: bool = False,
     ) -> None:
         self._test_over = test_over
+        self._native = native
         self._checks = Checks()
         self._failed = False
         self._reactor = reactor
@@ -110,7 +113,9 @@ class EmbeddedDevice:
                         system.header.file,
                         declared.line,
                     )
-                resource = ManagedResource(declared.name, RESOURCE_TYPE, self._library, self._launch, network)
+                resource = ManagedResource(
+                    declared.name, RESOURCE_TYPE, self._library, self._launch, network, self._native
+                )
                 self._resources[declared.name] = resource
                 made.append(resource)
                 self._preparation.prepare_network(network)
@@ -240,7 +245,7 @@ class EmbeddedDevice:
             raise ManagementError(
                 "UNSUPPORTED_TYPE", f"resource type {subject.type_name!r}: expected {RESOURCE_TYPE}"
             )
-        resource = ManagedResource(subject.name, subject.type_name, self._library, self._launch)
+        resource = ManagedResource(subject.name, subject.type_name, self._library, self._launch, fixed=self._native)
         self._resources[subject.name] = resource
 
     def _launch(self, network: model.FBNetwork, failed: Callable[[], None]) -> Runner:
@@ -252,4 +257,4 @@ class EmbeddedDevice:
                 self._test_over()
 
         where = self._library, self._surroundings
-        return Runner(network.file, self._reactor, network, *where, ended, self._checks)
+        return Runner(network.file, self._reactor, network, *where, ended, self._checks, self._native)

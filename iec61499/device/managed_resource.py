@@ -60,6 +60,7 @@ class ManagedResource:
         library: finds the block types that requests name.
         launch: makes a network run; raises FunctionBlockError or CommunicationError when it cannot.
         network: a network from a file; None for one that requests put together.
+        fixed: whether what runs cannot be changed.
     """
 
     def __init__(
@@ -69,7 +70,9 @@ class ManagedResource:
         library: Library,
         launch: Launcher,
         network: model.FBNetwork | None = None,
+        fixed: bool = False,
     ) -> None:
+        self.fixed = fixed
         self.name = name
         self.type_name = type_name
         self.state: ResourceState = "IDLE"
@@ -91,6 +94,12 @@ class ManagedResource:
     def addresses(self) -> dict[str, StreamAddress]:
         """Where its SERVER and SUBSCRIBE blocks listen, by the block's dotted name."""
         return self._running.addresses if self._running is not None else {}
+
+    def runs(self) -> bool:
+        return self._running is not None
+
+    def is_event(self, name: str) -> bool:
+        return self._drawn.is_event(name)
 
     def blocks(self) -> tuple[ManagedBlock, ...]:
         return self._drawn.blocks()

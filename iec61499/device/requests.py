@@ -21,10 +21,13 @@ from iec61499.management.protocol import (
     ManagedType,
     ManagementError,
     Request,
+    RequestAction,
     Response,
+    Subject,
     Watch,
     Window,
 )
+from iec61499.native.hosted import UNCHANGED
 from iec61499.standard.catalogue import standard_names
 from iec61499.types import ELEMENTARY, ArrayType
 
@@ -41,6 +44,8 @@ def execute(resource: ManagedResource, request: Request, library: Library) -> Re
     if subject is None:
         resource.change_state(action)
         return Response(request.id)
+    if resource.fixed and _changes(resource, action, subject):
+        raise ManagementError("INVALID_OPERATION", f"{resource.name}: {request}: {UNCHANGED}")
     if action == "QUERY":
         if isinstance(subject, ManagedBlock):
             return Response(request.id, blocks=resource.blocks())
@@ -62,6 +67,15 @@ def execute(resource: ManagedResource, request: Request, library: Library) -> Re
     else:
         raise ManagementError("INVALID_OBJECT", f"{action}: expected a connection")
     return Response(request.id)
+
+
+def _changes(resource: ManagedResource, action: RequestAction, subject: Subject) -> bool:
+    """Whether a request changes what runs, as what is forced and events that are counted do at every start."""
+    if isinstance(subject, Watch):
+        return action == "CREATE" and resource.is_event(subject.source)
+    if isinstance(subject, ManagedConnection) and action in ("READ", "WRITE"):
+        return bool(subject.force)
+    return resource.runs() and action != "QUERY"
 
 
 def _connections(resource: ManagedResource, request: Request, subject: ManagedConnection) -> Response:

@@ -18,6 +18,7 @@ from typing import Any, Final
 from iec61499 import model
 from iec61499.errors import FunctionBlockError
 from iec61499.library import Library
+from iec61499.native.hosted import UNCHANGED, HostedResource
 from iec61499.net.address import StreamAddress
 from iec61499.net.reactor import Reactor, Timer
 from iec61499.net.transport import NetworkTransport, Surroundings
@@ -55,9 +56,11 @@ class Runner:
         surroundings: what the device's resources share to reach others.
         ended: called when an error, or the end of a test, has ended it.
         checks: where the checks of the program are counted.
+        native: whether machine code executes it, which cannot be changed while it runs.
 
     Raises:
-        FunctionBlockError: the network or one of its types is wrong.
+        FunctionBlockError: the network or one of its types is wrong, or needs what machine code cannot do.
+        NativeError: machine code cannot be made here.
     """
 
     def __init__(
@@ -69,6 +72,7 @@ class Runner:
         surroundings: Surroundings,
         ended: Callable[[Exception], None],
         checks: Checks,
+        native: bool = False,
     ) -> None:
         self._name = name
         self._reactor = reactor
@@ -85,7 +89,11 @@ class Runner:
         self._due: int | None = None
         self._transport = NetworkTransport(reactor, surroundings, self.perform, self.receive)
         iterations = chain.from_iterable(self._rounds())
-        self._resource = Resource(network, library, self._transport, lambda: iterations)
+        self._resource: Resource | HostedResource
+        if native:
+            self._resource = HostedResource(network, library, self._transport)
+        else:
+            self._resource = Resource(network, library, self._transport, lambda: iterations)
         self._resource.checks = checks
         self._origin = 0
 
@@ -134,6 +142,8 @@ class Runner:
         """Carries out the change that waits, unless an event chain runs. Raises FunctionBlockError when it fails."""
         if self._change is not None and self._resource.is_idle:
             change, self._change = self._change, None
+            if isinstance(self._resource, HostedResource):
+                raise FunctionBlockError(UNCHANGED)
             change(self._resource)
 
     def trigger(self, event: str) -> None:

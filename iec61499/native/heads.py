@@ -20,15 +20,18 @@ class Heads:
     Args:
         layout: the layout of the unit.
         name: the C identifier that begins their names.
+        hosted: whether a host has the SERVER blocks, which then have no functions.
     """
 
-    def __init__(self, layout: Layout, name: str) -> None:
+    def __init__(self, layout: Layout, name: str, hosted: bool = False) -> None:
         self._layout = layout
         self._name = name
+        self._hosted = hosted
 
     def servers(self) -> list[int]:
         """The numbers of the SERVER blocks."""
-        return [number for number, node in self._layout.netlist.nodes.items() if is_server(node)]
+        nodes = self._layout.netlist.nodes
+        return [number for number, node in nodes.items() if is_server(node) and not self._hosted]
 
     def messages(self, number: int) -> list[str]:
         """Definitions of the messages to a server and of its answers."""

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 from struct import Struct
 from typing import Any, Final
 
 from iec61499.errors import FunctionBlockError
+from iec61499.model import VariableType
+from iec61499.native.layout import Place
 from iec61499.st.c.names import TEXT, places, size_of
 from iec61499.types import ArrayType, DataType, ElementaryType, StructType
 
@@ -105,3 +108,24 @@ def together(offsets: Sequence[int], types: Sequence[DataType], buffer: Any) -> 
         return tuple(values[rank] for rank in ranks)
 
     return sorted_values
+
+
+def offsets(
+    library: ctypes.CDLL, unit: str, variables: Sequence[Place], servers: Sequence[str]
+) -> tuple[dict[str, int], dict[str, tuple[int, int]]]:
+    """Where every variable is in a unit, and for every server the flags that it is open and attached."""
+    count = len(variables)
+    table = ctypes.addressof(ctypes.c_char.in_dll(library, f"{unit}__variables"))
+    rows = Struct("PPNN").iter_unpack(ctypes.string_at(table, 32 * (count + 2 * len(servers))))
+    found = [offset for _, _, offset, _ in rows]
+    named = dict(zip((place.name for place in variables), found[:count], strict=True))
+    flags = found[count:]
+    return named, dict(zip(servers, zip(flags[::2], flags[1::2], strict=True), strict=True))
+
+
+def elementary(server: str, types: Sequence[VariableType]) -> tuple[ElementaryType, ...]:
+    """The types of what a server exchanges by calls. Raises FunctionBlockError for others than elementary ones."""
+    for kind in types:
+        if not isinstance(kind, ElementaryType):
+            raise FunctionBlockError(f"{server}: values of {kind} are not exchanged by calls of machine code")
+    return tuple(kind for kind in types if isinstance(kind, ElementaryType))

@@ -18,7 +18,8 @@ from iec61499.errors import CommunicationError, FunctionBlockError, choices
 from iec61499.library import Library
 from iec61499.native import memory
 from iec61499.native.build import load
-from iec61499.native.layout import CHART, Layout, Place, is_server, network_layout
+from iec61499.native.clock import queue_size
+from iec61499.native.layout import CHART, Place, is_server, network_layout
 from iec61499.native.recorder import NativeRecorder
 from iec61499.native.tracing import traced_events
 from iec61499.native.unit import unit_of
@@ -29,13 +30,14 @@ from iec61499.types import LREAL, DataType, ElementaryType
 NAME: Final = "unit"
 _FAULT: Final = Struct("iiqqqi")
 _CLOCK: Final = Struct("iiqqqi0q").size
-_FINE, _INDEX, _LOOP, _STEP, _TEXT, _CHART, _EVENTS, _QUEUE, _CLOSED, _ANSWER, _CHARACTER = range(11)
+_FINE, _INDEX, _LOOP, _STEP, _TEXT, _CHART, _EVENTS, _QUEUE, _CLOSED, _ANSWER, _CHARACTER, _HOST = range(12)
 
 
 class NativeResource:
-    """A resource of basic, simple and composite blocks with E_RESTART and SERVER blocks, in machine code.
+    """A resource of basic, simple and composite blocks with E_RESTART, SERVER and timed blocks, in machine code.
 
-    A STRING has at most 254 bytes here, and 1024 events may wait. What would be more is an error.
+    A STRING has at most 254 bytes here, and 1024 events may wait, or twice as many as there are connections of
+    events. What would be more is an error.
 
     Args:
         network: what runs, e.g. from `resource_network`.
@@ -50,17 +52,22 @@ class NativeResource:
         NativeError: machine code cannot be made here, or cannot record the events.
     """
 
+    hosted = False
+    """Whether a host does what services do."""
+
     def __init__(self, network: model.FBNetwork, library: Library, writer: TraceWriter | None = None) -> None:
         self._layout = network_layout(network, library)
-        traced = writer is not None
-        subject = f"{self._layout.netlist!r}{' traced' * traced}"
-        self._library = load(subject, NAME, lambda: unit_of(self._layout, NAME, traced))
+        traced, hosted = writer is not None, self.hosted
+        subject = f"{self._layout.netlist!r}{' traced' * traced}{' hosted' * hosted}"
+        self._library = load(subject, NAME, lambda: unit_of(self._layout, NAME, traced, hosted))
         size = ctypes.c_size_t.in_dll(self._library, f"{NAME}__size").value
         self._memory = ctypes.create_string_buffer(size)
         self._view = memoryview(self._memory).cast("B")
         self.address = ctypes.addressof(self._memory)
         self._places = {place.name: place for place in self._layout.variables}
-        self._offsets, self._flags = _offsets(self._library, self._layout)
+        self._numbers = {node.name: number for number, node in self._layout.netlist.nodes.items()}
+        servers = [] if hosted else [node.name for node in self._layout.netlist.nodes.values() if is_server(node)]
+        self._offsets, self._flags = memory.offsets(self._library, NAME, self._layout.variables, servers)
         self._reals = self._view[: size - size % 8].cast("d")
         self._places_of_reals = {
             place.name: self._offsets[place.name] // 8 for place in self._layout.variables if place.type == LREAL
@@ -104,14 +111,26 @@ class NativeResource:
         self._stopped = False
 
     def stop(self) -> None:
-        """Issues STOP of every E_RESTART and runs until idle."""
+        """Issues STOP of every E_RESTART, runs until idle and cancels the timers."""
         self._issue("stop")
+        self._function(f"{NAME}__halt", None)(self.address)
         self._stopped = True
 
+    @property
+    def time(self) -> int:
+        """The resource's time, ns."""
+        return int.from_bytes(self._view[_CLOCK : _CLOCK + 8], sys.byteorder, signed=True)
+
+    def next_timer(self) -> int | None:
+        """The time in ns at which a timed block will issue its event; None when none waits."""
+        due: int = self._function(f"{NAME}__due", ctypes.c_int64)(self.address)
+        return None if due < 0 else due
+
     def advance(self, duration: int) -> None:
-        """Moves the clock of the timers on by ns."""
-        now = int.from_bytes(self._view[_CLOCK : _CLOCK + 8], sys.byteorder, signed=True)
-        self._view[_CLOCK : _CLOCK + 8] = (now + duration).to_bytes(8, sys.byteorder, signed=True)
+        """Moves time on by ns; delivers what timed blocks issue meanwhile, each at its time."""
+        function = self._function(f"{NAME}__advance", ctypes.c_int32, 2)
+        function.argtypes = [ctypes.c_void_p, ctypes.c_int64]
+        self.check(function(self.address, self.time + duration))
 
     def trigger(self, event: str) -> None:
         """Delivers an event to a block, `BLOCK.EVENT`, and runs until idle. Raises FunctionBlockError."""
@@ -131,14 +150,14 @@ class NativeResource:
 
     def names(self) -> tuple[str, ...]:
         """The blocks, with dotted names, composites before what they contain."""
-        return tuple(node.name for node in self._layout.netlist.nodes.values())
+        return tuple(self._numbers)
 
     def block_type(self, name: str) -> model.FBType:
         """The type of a block, its generic ports resolved. Raises FunctionBlockError for an unknown name."""
-        found = [node.type for node in self._layout.netlist.nodes.values() if node.name == name]
-        if not found or found[0] is None:
+        found = self._layout.netlist.nodes[self._numbers[name]].type if name in self._numbers else None
+        if found is None:
             raise FunctionBlockError(f"unknown block {name!r}: expected {choices(self.names())}")
-        return found[0]
+        return found
 
     def read(self, name: str) -> Any:
         """The value of a variable, `BLOCK.VARIABLE`; `BLOCK.$ECC` is the name of the chart's state.
@@ -150,7 +169,7 @@ class NativeResource:
         value = memory.read(self._view, self._offsets[name], place.type)
         if not name.endswith(CHART):
             return value
-        block = self._layout.netlist.nodes[self.names().index(name.rpartition(".")[0])].type
+        block = self.block_type(name.rpartition(".")[0])
         assert isinstance(block, model.BasicFBType)
         return block.states[value].name
 
@@ -197,7 +216,7 @@ class NativeResource:
     def _split(self, name: str) -> tuple[str, str, str]:
         """A block and its variable, which may be one of an adapter (`PLUG.DT`)."""
         block, dot, variable = name.rpartition(".")
-        if block in self.names():
+        if block in self._numbers:
             return block, dot, variable
         owner, dot, adapter = block.rpartition(".")
         return owner, dot, f"{adapter}.{variable}"
@@ -224,7 +243,9 @@ class NativeResource:
         member = self._layout.members[self._layout.server(name)]
         exchange = self._function(f"{NAME}__exchange__{member}", ctypes.c_int32, 3 if answer else 2)
         deliver = self._function(f"{NAME}__deliver__{member}", ctypes.c_int32, 2)
-        return NativeServer(self, name, _elementary(name, request), _elementary(name, answer), exchange, deliver)
+        return NativeServer(
+            self, name, memory.elementary(name, request), memory.elementary(name, answer), exchange, deliver
+        )
 
     def snapshot(self) -> bytes:
         """The state, to go back to."""
@@ -256,7 +277,8 @@ class NativeResource:
             _TEXT: "text of more than 254 bytes, which machine code cannot hold",
             _CHART: "more than 10000 transitions without an event: the chart never comes to rest",
             _EVENTS: "endless loop of events",
-            _QUEUE: "more than 1024 events wait, which machine code cannot hold",
+            _QUEUE: f"more than {queue_size(self._layout)} events wait, which machine code cannot hold",
+            _HOST: "a service failed",
         }[problem]
         raise FunctionBlockError(f"{self._layout.event_names[event]}: {what}", *self._position(place))
 
@@ -270,7 +292,7 @@ class NativeResource:
             return self._places[name]
         except KeyError:
             block = name.rpartition(".")[0]
-            if block not in self.names():
+            if block not in self._numbers:
                 raise FunctionBlockError(f"unknown block {block!r}: expected {choices(self.names())}") from None
             raise FunctionBlockError(f"{block} has no variable {name.rpartition('.')[2]!r}") from None
 
@@ -367,22 +389,3 @@ class NativeServer:
                 value = memory.text_from(value, next(found))
             values.append(chr(value) if kind.kind == "char" else value)
         return tuple(values)
-
-
-def _offsets(library: ctypes.CDLL, layout: Layout) -> tuple[dict[str, int], dict[str, tuple[int, int]]]:
-    """Where every variable is in the unit, and for every server the flags that it is open and attached."""
-    servers = [node.name for node in layout.netlist.nodes.values() if is_server(node)]
-    count = len(layout.variables)
-    table = ctypes.addressof(ctypes.c_char.in_dll(library, f"{NAME}__variables"))
-    rows = Struct("PPNN").iter_unpack(ctypes.string_at(table, 32 * (count + 2 * len(servers))))
-    offsets = [offset for _, _, offset, _ in rows]
-    named = dict(zip((place.name for place in layout.variables), offsets[:count], strict=True))
-    flags = offsets[count:]
-    return named, dict(zip(servers, zip(flags[::2], flags[1::2], strict=True), strict=True))
-
-
-def _elementary(server: str, types: Sequence[model.VariableType]) -> tuple[ElementaryType, ...]:
-    for kind in types:
-        if not isinstance(kind, ElementaryType):
-            raise FunctionBlockError(f"{server}: values of {kind} are not exchanged by calls of machine code")
-    return tuple(kind for kind in types if isinstance(kind, ElementaryType))

@@ -12,10 +12,11 @@ from pathlib import PurePath
 from typing import Final
 
 from iec61499 import model
+from iec61499.native import clock
 from iec61499.native.blocks import OUTPUTS, BlockCode, block_code, block_fields, structure
 from iec61499.native.heads import Heads, structures, values_of
 from iec61499.native.layout import Layout, is_server
-from iec61499.native.services import ANSWERS, ATTACHED, OPEN, service_code
+from iec61499.native.services import ANSWERS, ATTACHED, OPEN, TIMER, service_code
 from iec61499.native.tracing import trace_tables, traced_outputs
 from iec61499.runtime.linking.generic_ports import variable_at
 from iec61499.runtime.linking.netlist import Node, Terminal
@@ -26,6 +27,8 @@ from iec61499.st.c.translate import moved
 from iec61499.types import ElementaryType
 
 _INDENT: Final = "    "
+PART: Final = 512
+"""Entries that one function delivers; compilers take too long for much longer ones."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,29 +44,32 @@ class Unit:
     source: str
 
 
-def unit_of(layout: Layout, name: str, traced: bool = False) -> Unit:
+def unit_of(layout: Layout, name: str, traced: bool = False, hosted: bool = False) -> Unit:
     """The C unit of a network.
 
     Args:
         layout: its layout.
         name: a C identifier that begins the names that the unit has for others.
         traced: whether it can record its events.
+        hosted: whether a host does what other services than restart and timers do.
 
     Raises:
         FunctionBlockError: a block is wrong, or needs what C cannot do; names file and line, and in Structured Text
             the column.
         NativeError: the events cannot be recorded by C.
     """
-    return _Writer(layout, name, traced).unit()
+    return _Writer(layout, name, traced, hosted).unit()
 
 
 class _Writer:
-    def __init__(self, layout: Layout, name: str, traced: bool) -> None:
+    def __init__(self, layout: Layout, name: str, traced: bool, hosted: bool) -> None:
         self._layout = layout
         self._traced = traced
+        self._hosted = hosted
+        self._timers = {number: k for k, number in enumerate(clock.timed(layout))}
         self._nodes = layout.netlist.nodes
         self._name = name
-        self._heads = Heads(layout, name)
+        self._heads = Heads(layout, name, hosted)
         self._places = Places()
         self._places.number(Position("", 0, 0))
         self._types: dict[str, BlockCode] = {}
@@ -77,7 +83,7 @@ class _Writer:
         if isinstance(block, model.BasicFBType | model.SimpleFBType):
             return block_code(block, tag, self._places)
         if isinstance(block, model.ServiceInterfaceFBType):
-            return service_code(block, tag, node)
+            return service_code(block, tag, node, self._hosted)
         published = {variable.name: c_name(variable.name) for variable in block.interface.outputs}
         return BlockCode(tag, block_fields(block), False, (), {}, published)
 
@@ -100,7 +106,8 @@ class _Writer:
         members = [f"struct {t} {m};" for t, m in zip(self._layout.tags, self._layout.members, strict=True)]
         aggregates = structures(place.type for place in self._layout.variables)
         lines = [f"/* The function blocks of {name}; written by `dtwin fb export --format c`. */"]
-        lines += [f"#ifndef {guard}", f"#define {guard}", "", '#include "fb.h"', *aggregates]
+        lines += [f"#ifndef {guard}", f"#define {guard}", "", *clock.sizes(self._layout), '#include "fb.h"']
+        lines += [*clock.checked_sizes(self._layout), *aggregates]
         for code in self._types.values():
             lines += ["", *structure(code)]
         lines += ["", "/* The state of all blocks; a copy of it is a snapshot. */", f"struct {name} {{"]
@@ -119,6 +126,7 @@ class _Writer:
         lines += [f"{self._heads.trigger()};", "", "/* Delivers the events that wait; returns an fb_problem. */"]
         lines += [
             f"int32_t {name}__run(struct {name} *unit);",
+            *clock.heads(name),
             "",
             "/* A message to a SERVER, whose IND then waits. */",
         ]
@@ -174,18 +182,20 @@ class _Writer:
 
     def _delivery(self) -> list[str]:
         name = self._name
-        lines = ["", f"static void {name}__deliver(struct {name} *unit, uint16_t entry)", "{"]
-        lines += [f"{_INDENT}switch (entry) {{"]
+        cases: list[list[str]] = []
         for port, number in self._layout.entries.items():
-            node = self._nodes[port.node]
-            lines.append(f"{_INDENT}case {number}: /* {node.name}.{port.name} */")
-            lines += _indented(_indented([*self._entry(port), "break;"]))
-        lines += _indented(["default:", f"{_INDENT}break;", "}"])
-        if self._traced:
-            lines.append(
-                f"{_INDENT}fb_record(unit->trace__, unit, &fb_entries[entry], fb_pieces, FB_LONGEST_RECORD);"
-            )
-        lines.append("}")
+            head = f"{_INDENT}case {number}: /* {self._nodes[port.node].name}.{port.name} */"
+            cases.append([head, *_indented(_indented([*self._entry(port), "break;"]))])
+        parts = [cases[first : first + PART] for first in range(0, len(cases), PART)] or [[]]
+        lines: list[str] = []
+        for number, part in enumerate(parts if len(parts) > 1 else ()):
+            lines += self._switch(f"{name}__deliver_{number}", "entry", part)
+        if len(parts) > 1:
+            called = [f"{name}__deliver_{number}(unit, entry);" for number in range(len(parts))]
+            cases = [[f"{_INDENT}case {k}:", *_indented(_indented([c, "break;"]))] for k, c in enumerate(called)]
+            lines += self._switch(f"{name}__deliver", f"entry / {PART}", cases, self._traced)
+        else:
+            lines += self._switch(f"{name}__deliver", "entry", parts[0], self._traced)
         run = f"""
 int32_t {name}__run(struct {name} *unit)
 {{
@@ -206,6 +216,17 @@ int32_t {name}__run(struct {name} *unit)
 }}
 """
         return [*lines, *run.splitlines()]
+
+    def _switch(self, function: str, value: str, cases: list[list[str]], traced: bool = False) -> list[str]:
+        """A function that delivers what the cases say, and records it."""
+        lines = ["", f"static void {function}(struct {self._name} *unit, uint16_t entry)", "{"]
+        lines += [f"{_INDENT}switch ({value}) {{", *(line for case in cases for line in case)]
+        lines += _indented(["default:", f"{_INDENT}break;", "}"])
+        if traced:
+            lines.append(
+                f"{_INDENT}fb_record(unit->trace__, unit, &fb_entries[entry], fb_pieces, FB_LONGEST_RECORD);"
+            )
+        return [*lines, "}"]
 
     def _entry(self, port: Terminal) -> list[str]:
         node, member = self._nodes[port.node], self._layout.members[port.node]
@@ -251,6 +272,8 @@ int32_t {name}__run(struct {name} *unit)
         ]
         for number, node in self._nodes.items():
             values = [f".{OUTPUTS} = {self._layout.outputs[number]}"]
+            if number in self._timers:
+                values.append(f".{TIMER} = {self._timers[number]}")
             parameters = {c_name(key): value for key, value in node.parameters.items()}
             for field in self._types[self._layout.tags[number]].fields:
                 value = field.initial
@@ -277,6 +300,7 @@ int32_t {name}__run(struct {name} *unit)
             lines += [*_indented(issued), f"{_INDENT}return {name}__run(unit);", "}"]
         lines += ["", self._heads.trigger(), "{", f"{_INDENT}unit->run.fault.problem = FB_FINE;"]
         lines += [f"{_INDENT}fb_push(&unit->run, entry);", f"{_INDENT}return {name}__run(unit);", "}"]
+        lines += clock.functions(self._layout, name)
         for number in self._heads.servers():
             lines += ["", self._heads.deliver(number), "{", *_indented(self._delivered(number)), "}"]
             lines += ["", self._heads.exchange(number), "{", *_indented(self._exchanged(number)), "}"]
@@ -311,7 +335,7 @@ int32_t {name}__run(struct {name} *unit)
             where = f"offsetof(struct {name}, {place.member}), sizeof(((struct {name} *)0)->{place.member})"
             lines.append(f"{_INDENT}{{{quoted(place.name)}, {quoted(str(place.type))}, {where}}},")
         for number, node in self._nodes.items():
-            if is_server(node):
+            if is_server(node) and not self._hosted:
                 for member in (OPEN, ATTACHED):
                     where = f"offsetof(struct {name}, {self._layout.members[number]}.{member}), sizeof(bool)"
                     lines.append(f'{_INDENT}{{"", "BOOL", {where}}},')

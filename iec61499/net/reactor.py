@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import heapq
+import select
 import selectors
 import socket
 import time
@@ -16,6 +17,8 @@ READ: Final = selectors.EVENT_READ
 WRITE: Final = selectors.EVENT_WRITE
 LONGEST_WAIT: Final = 3600.0
 """Time after which the loop looks at its timers again, s; the system takes no time beyond some days."""
+SELECTABLE: Final = 1024
+"""Descriptors from here on are none that select takes (FD_SETSIZE)."""
 CROWDED: Final = 1000
 """Timers from which on those that were taken back are removed."""
 
@@ -48,6 +51,8 @@ class Reactor:
     def __init__(self) -> None:
         self.turn = 0
         self._selector = selectors.DefaultSelector()
+        descriptor = self._selector.fileno() if hasattr(self._selector, "fileno") else SELECTABLE
+        self._descriptor = descriptor if descriptor < SELECTABLE else None
         self._callbacks: dict[int, Callable[[int], None]] = {}
         self._timers: list[tuple[float, int, Timer]] = []
         self._soon: deque[Timer] = deque()
@@ -122,13 +127,22 @@ class Reactor:
             _call(self._soon.popleft())
         due = 0.0 if self._soon else self._until_next_timer()
         waits = [wait for wait in (timeout, due) if wait is not None]
-        for key, events in self._selector.select(min(waits) if waits else None):
+        for key, events in self._ready(min(waits) if waits else None):
             # an earlier callback of this round may have closed the socket
             callback = self._callbacks.get(key.fd)
             if callback is not None:
                 callback(events)
                 self._call_due()
         self._call_due()
+
+    def _ready(self, wait: float | None) -> list[tuple[selectors.SelectorKey, int]]:
+        """What is ready, after `wait` s at most."""
+        if wait and self._descriptor is not None:
+            # epoll rounds up to milliseconds; select, which waits for its descriptor, does not
+            if not select.select([self._descriptor], [], [], wait)[0]:
+                return []
+            wait = 0.0
+        return self._selector.select(wait)
 
     def stop(self) -> None:
         """Makes `run` return after the callback in progress."""

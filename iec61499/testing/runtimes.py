@@ -8,7 +8,7 @@ from typing import Any, Final, Protocol
 from iec61499 import model
 from iec61499.errors import FunctionBlockError
 from iec61499.library import Library
-from iec61499.native.resource import NativeResource
+from iec61499.native.hosted import HostedResource
 from iec61499.runtime.operation import ObservedEvent, Operation, QueueEntry
 from iec61499.runtime.resource import Resource
 from iec61499.testing import probe
@@ -129,17 +129,19 @@ class NativeRuntime:
         self._kind = kind
         self._library = library
         library.add(probe.probe_type(kind))
-        self._resource = NativeResource(probe.network(kind, parameters), library)
+        self._resource = HostedResource(probe.network(kind, parameters), library)
         self._resource.start()
 
     def fire(self, event: str) -> None:
         self._resource.trigger(f"{probe.BLOCK}.{event}")
+        self._resource.run_until_idle()
 
     def advance(self, duration: int) -> None:
         self._resource.advance(duration)
 
     def due(self) -> int | None:
-        return None
+        timer = self._resource.next_timer()
+        return None if timer is None else timer - self._resource.time
 
     def wait(self, number: int) -> tuple[Issued, ...]:
         return _waited(self, number)

@@ -71,6 +71,9 @@ class FbRun:
     cell_file: str | None = None
     """Cell whose places the sequence gets: a file (*.toml), or a name of the folder cells; without it those of
     FILE, which must be a system."""
+    native: bool = False
+    """Execute resources as machine code, with the same results; they cannot be changed while they run, and their
+    events are not counted. It needs a C compiler."""
     acknowledged: bool = False
     """Every event to another resource waits until the one before it is acknowledged. All devices of FILE must do so;
     between 4diac FORTEs it is needed."""
@@ -93,7 +96,7 @@ class FbRun:
                     over.set()
                     reactor.stop()
 
-            device = EmbeddedDevice(reactor, library, address, test_over, self._reached())
+            device = EmbeddedDevice(reactor, library, address, test_over, self._reached(), self.native)
             try:
                 self._load(device, system)
                 if not over.is_set():
@@ -159,6 +162,7 @@ class FbRun:
         command += ["--opcua", self.opcua] if self.opcua else []
         command += ["--connections", str(self.connections)] if self.connections else []
         command += ["--acknowledged"] if self.acknowledged else []
+        command += ["--native"] if self.native else []
         stop = threading.Event()
         with _signals_to(stop.set), _Processes() as processes:
             # the first device starts last, so that it finds the others listening

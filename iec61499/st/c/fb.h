@@ -27,7 +27,13 @@
 #endif
 
 #define FB_TEXT 254
-#define FB_WAITING 1024
+#ifndef FB_WAITING
+#define FB_WAITING 1024 /* a unit with many connections has more */
+#endif
+#ifndef FB_TIMERS
+#define FB_TIMERS 1 /* timed blocks of the unit */
+#endif
+#define FB_TICK 1000000 /* shortest delay of a timed block, ns */
 #define FB_EVENTS 100000
 #define FB_ITERATIONS 10000000
 #define FB_TRANSITIONS 10000
@@ -43,7 +49,8 @@ enum fb_problem {
     FB_FULL_QUEUE = 7,     /* more than FB_WAITING events wait */
     FB_NOT_OPEN = 8,       /* a message to a SERVER that is not initialised */
     FB_NO_ANSWER = 9,      /* a message that was not answered exactly once */
-    FB_CHARACTER = 10      /* a character that is not in the text */
+    FB_CHARACTER = 10,     /* a character that is not in the text */
+    FB_HOST = 11           /* a service of the host that failed, or that there is no host for */
 };
 
 struct fb_fault {
@@ -55,13 +62,24 @@ struct fb_fault {
     int32_t event; /* number of the event that was delivered */
 };
 
+/* What a timed block waits for: its event, and whose turn it is of those that are due together. */
+struct fb_timer {
+    int64_t due; /* ns */
+    int64_t order;
+    uint16_t block;
+};
+
 struct fb_run {
     struct fb_fault fault;
-    int64_t time;        /* the clock of the timers, ns; whoever delivers events moves it on */
-    uint32_t iterations; /* of loops that the chain of events may still use */
+    int64_t time;                   /* the clock of the timers, ns; whoever delivers events moves it on */
+    int32_t (*host)(int32_t entry); /* does what a service of the host does at an event; 0 when it could */
+    uint32_t iterations;            /* of loops that the chain of events may still use */
     uint16_t head;
     uint16_t waiting;
     uint16_t queue[FB_WAITING];
+    uint32_t timers; /* that wait, in a heap */
+    int64_t order;
+    struct fb_timer heap[FB_TIMERS];
 };
 
 /* A STRING: the bytes of its UTF-8 text, without an end mark. */
@@ -175,6 +193,75 @@ static inline uint16_t fb_pop(struct fb_run *run)
     run->head = (uint16_t)((run->head + 1) % FB_WAITING);
     --run->waiting;
     return entry;
+}
+
+/* Lets the host do what a service does at the event that is delivered. */
+static inline void fb_ask(struct fb_run *run)
+{
+    if (run->host == NULL || run->host(run->fault.event) != 0) {
+        fb_fail(run, FB_HOST, 0);
+    }
+}
+
+/* ---- timers ---- */
+
+static inline bool fb_sooner(const struct fb_timer *a, const struct fb_timer *b)
+{
+    return a->due < b->due || (a->due == b->due && a->order < b->order);
+}
+
+/* Puts a timer to where it belongs in the heap, from an empty place on. */
+static inline void fb_place(struct fb_run *run, uint32_t k, struct fb_timer timer)
+{
+    uint32_t child;
+    while (k > 0 && fb_sooner(&timer, &run->heap[(k - 1) / 2])) {
+        run->heap[k] = run->heap[(k - 1) / 2];
+        k = (k - 1) / 2;
+    }
+    for (child = 2 * k + 1; child < run->timers; child = 2 * k + 1) {
+        if (child + 1 < run->timers && fb_sooner(&run->heap[child + 1], &run->heap[child])) {
+            ++child;
+        }
+        if (!fb_sooner(&run->heap[child], &timer)) {
+            break;
+        }
+        run->heap[k] = run->heap[child];
+        k = child;
+    }
+    run->heap[k] = timer;
+}
+
+/* Lets a timed block, which does not wait, have its event after a time, but no sooner than in a tick. */
+static inline void fb_schedule(struct fb_run *run, uint16_t block, int64_t delay)
+{
+    struct fb_timer timer;
+    const int64_t most = INT64_MAX - run->time;
+    delay = delay > FB_TICK ? delay : FB_TICK;
+    timer.due = run->time + (delay < most ? delay : most);
+    timer.order = run->order++;
+    timer.block = block;
+    ++run->timers;
+    fb_place(run, run->timers - 1, timer);
+}
+
+static inline void fb_remove(struct fb_run *run, uint32_t k)
+{
+    const struct fb_timer last = run->heap[--run->timers];
+    if (k < run->timers) {
+        fb_place(run, k, last);
+    }
+}
+
+/* Lets a timed block wait no longer. */
+static inline void fb_cancel(struct fb_run *run, uint16_t block)
+{
+    uint32_t k;
+    for (k = 0; k < run->timers; ++k) {
+        if (run->heap[k].block == block) {
+            fb_remove(run, k);
+            return;
+        }
+    }
 }
 
 /* ---- numbers ---- */

@@ -210,8 +210,8 @@ def test_timers_are_those_of_python() -> None:
 
 
 def test_blocks_that_c_does_not_have_are_refused() -> None:
-    net = network("A: E_CYCLE", "", "", {"A.DT": "T#1s"})
-    with pytest.raises(FunctionBlockError, match="C: A is a E_CYCLE: expected basic, simple and composite blocks"):
+    net = network("A: CLIENT_1_1; B: INT2INT; C: INT2INT", "", "B.OUT -> A.SD_1; A.RD_1 -> C.IN")
+    with pytest.raises(FunctionBlockError, match="C: A is a CLIENT_1_1: expected basic, simple and composite blocks"):
         unit_of(network_layout(net, Types()), "unit")
 
 

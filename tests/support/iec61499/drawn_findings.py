@@ -36,12 +36,10 @@ class Options:
 def types(folders: tuple[Path, ...]) -> Iterator[Path]:
     """The types of the folders, each content once."""
     seen = set()
-    files = sorted(
-        file for folder in folders for suffix in ("fbt", "sub", "fct") for file in folder.rglob(f"*.{suffix}")
-    )
-    for file in files:
+    files = (file for folder in folders for suffix in ("fbt", "sub", "fct") for file in folder.rglob(f"*.{suffix}"))
+    for file in sorted(file for file in files if file.is_file()):
         digest = hashlib.sha256(file.read_bytes()).digest()
-        if digest not in seen and file.is_file():
+        if digest not in seen:
             seen.add(digest)
             yield file
 

@@ -28,10 +28,16 @@ NUMBER = Signature([LREAL])
 class ServedDevice:
     """A device with its management, run by a thread of its own."""
 
-    def __init__(self, library: Library, management: StreamAddress, connections: Connections | None = None) -> None:
+    def __init__(
+        self,
+        library: Library,
+        management: StreamAddress,
+        connections: Connections | None = None,
+        native: bool = False,
+    ) -> None:
         self.reactor = Reactor()
         self.library = library
-        self.device = EmbeddedDevice(self.reactor, library, management, connections=connections)
+        self.device = EmbeddedDevice(self.reactor, library, management, connections=connections, native=native)
         self.management = ManagementServer(self.reactor, management, self.device.handle)
         self._thread = threading.Thread(target=self.reactor.run)
 
