@@ -19,6 +19,7 @@ from dtwin.monitoring.calibration import watched
 from dtwin.monitoring.offline import stream
 from dtwin.parameters import ArmParameters, Triple
 from dtwin.simulation.proposal import propose
+from dtwin.task import task_of
 
 Progress = Callable[[str], None]
 Angles = tuple[Triple, ...]
@@ -98,7 +99,9 @@ def commission(
         "settings",
         ProposedSettings,
         lambda: propose(
-            identification.record, lambda done, of: progress(f"designing settings: {done} of {of} gains")
+            identification.record,
+            lambda done, of: progress(f"designing settings: {done} of {of} gains"),
+            task_of(motion.metadata),
         ),
     )
     work = healthy()

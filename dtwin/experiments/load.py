@@ -112,7 +112,7 @@ def measure_load(measured: Measured) -> CellLoad:
         dtwin("up", "--detach", *measured.options, *(["--record", str(recording)] if measured.record else []))
         try:
             time.sleep(measured.settling)
-            pids = _processes(cell)
+            pids = processes(cell)
             before, size, began = {name: _used(pid) for name, pid in pids.items()}, _size(recording), time.monotonic()
             time.sleep(measured.seconds)
             after, grown = {name: _used(pid) for name, pid in pids.items()}, _size(recording) - size
@@ -163,8 +163,8 @@ class _Used(msgspec.Struct, frozen=True):
         )
 
 
-def _processes(cell: str) -> dict[str, int]:
-    """The processes of a cell by the names of their modules, and its supervisor."""
+def processes(cell: str) -> dict[str, int]:
+    """Process ids of a cell's services by the names of their modules, and of its supervisor."""
     found = {}
     for entry in Path("/proc").iterdir():
         try:
@@ -188,7 +188,12 @@ def _used(pid: int) -> _Used:
         except OSError:  # the thread has ended
             continue
         threads += 1
-    return _Used(seconds, wakes, threads, 1024.0 * _number((process / "status").read_text(), "VmRSS:"))
+    return _Used(seconds, wakes, threads, _MEGABYTE * memory_of(pid))
+
+
+def memory_of(pid: int) -> float:
+    """Resident memory of a process, MB."""
+    return 1024.0 * _number(Path(f"/proc/{pid}/status").read_text(), "VmRSS:") / _MEGABYTE
 
 
 def _number(status: str, name: str) -> int:

@@ -20,19 +20,22 @@ from dtwin.simulation.checks import Checker
 from dtwin.simulation.margins.demands import MARGINS, Case, cases
 from dtwin.simulation.margins.design import NOISE, Candidate, best_of, design
 from dtwin.simulation.margins.poses import Pose, places, poses
+from dtwin.task import DEFAULT_TASK, Task
 from dtwin.twin.effects import Effects
 
 _MOST_GAIN: Final = 60.0
 """Gain margin, dB, above which none is told."""
 
 
-def propose(record: MachineRecord, progress: Progress) -> ProposedSettings:
+def propose(record: MachineRecord, progress: Progress, task: Task = DEFAULT_TASK) -> ProposedSettings:
     """Designs settings for an identified arm.
 
     Args:
         record: record of the arm.
         progress: is told how many gains of how many have been judged.
+        task: task of its cell, at whose places the margins must be kept.
     """
+    at = places(task)
     controller = MotionController()
     late = lateness(record)
 
@@ -40,12 +43,12 @@ def propose(record: MachineRecord, progress: Progress) -> ProposedSettings:
         return [case for each in late for case in cases(controller, settings, record.arm, at, each, record.effects)]
 
     settings = ControlSettings(law="cascade", model=controllable(record), compensation=compensation(record))
-    best = chosen(design(controller, settings, record.arm, progress, late, record.effects))
+    best = chosen(design(controller, settings, record.arm, progress, late, record.effects, task))
     settings = replace(settings, gains=best.gains)
     dead = replace(settings, compensation=replace(settings.compensation, dead_zone=dead_zone(record)))
-    if not any(MARGINS.shortfall(case.margins) for case in judged(dead, places())):
+    if not any(MARGINS.shortfall(case.margins) for case in judged(dead, at)):
         settings = dead
-    near, everywhere = judged(settings, places()), judged(settings, poses())
+    near, everywhere = judged(settings, at), judged(settings, poses(task=task))
     return ProposedSettings(
         settings,
         late,

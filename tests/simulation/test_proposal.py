@@ -15,6 +15,7 @@ from dtwin.controller.settings import Compensation, usual_gains
 from dtwin.errors import ModelError, ParameterError
 from dtwin.identification.machine.record import MachineRecord, read_record, write_record
 from dtwin.parameters import ArmParameters
+from dtwin.run.cell_file import cell_of
 from dtwin.run.options import ControlOptions
 from dtwin.simulation import proposal
 from dtwin.simulation.margins import design
@@ -148,3 +149,11 @@ def test_settings_that_are_refused_and_records_without_any_are_not_taken(arm: Pa
             read_settings(tmp_path / "wrong.json")
     with pytest.raises(ModelError, match=r"none\.json: No such file"):
         read_settings(tmp_path / "none.json")
+
+
+def test_margins_are_kept_at_the_places_of_the_task() -> None:
+    task = cell_of("four-colours").task
+    assert (
+        propose(recorded(GEARED), lambda done, of: None, task).places
+        != propose(recorded(GEARED), lambda done, of: None).places
+    )

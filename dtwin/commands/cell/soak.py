@@ -30,8 +30,8 @@ class ExperimentSoak(ExperimentCommand[Outcome], OnMachine):
     latency leaves the cell alone and measures how fast samples are answered. chaos brings one trouble after another:
     kills, freezes, cuts, stops, settings, strangers, a full disk. storm kills and freezes services and fills the disk
     at random on a busy machine, of a cell that starts with nothing compiled. After each the cell must work on.
-    memory takes the messages of hours through recorder and journal, faster than in real time, and sees that their
-    memory does not grow. hostile lets somebody without the cell's key attack it in its default, routed and secured
+    memory runs a cell for hours of plant time, faster than in real time, and sees that the memory of no service
+    grows. hostile lets somebody without the cell's key attack it in its default, routed and secured
     settings: nothing may be believed, and all must be told.
     """
 
@@ -48,7 +48,7 @@ class ExperimentSoak(ExperimentCommand[Outcome], OnMachine):
             return self._measure(progress)
 
     def _measure(self, progress: Progress) -> Outcome:
-        machine = machine_of(self.machine)
+        machine_of(self.machine)  # a name that there is none of is told before anything starts
         if self.run == "latency":
             seconds = SECONDS if self.amount is None else self.amount
             tick_count(seconds)
@@ -60,7 +60,7 @@ class ExperimentSoak(ExperimentCommand[Outcome], OnMachine):
             return storm_run(int(events), self.seed, self.machine, progress)
         if self.run == "memory":
             seconds = 3600 * HOURS if self.amount is None else self.amount
-            return memory_run(seconds, self.seed, machine, progress)
+            return memory_run(seconds, self.seed, self.machine, progress)
         if self.amount is not None:
             raise ParameterError(
                 f"{self.run}: expected no amount, since it brings each trouble once, got {self.amount:g}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
@@ -30,8 +30,9 @@ from dtwin.logs.reading import read_log
 from dtwin.monitoring.calibration import LEAST
 from dtwin.names import check_name
 from dtwin.parameters import ArmParameters, load_arm
+from dtwin.run.options import CellFileOption
 from dtwin.services.runfile import join
-from dtwin.task import task_of
+from dtwin.task import Task, task_of, told
 from dtwin.terminal import as_text, print_json, print_table
 
 if TYPE_CHECKING:
@@ -70,6 +71,9 @@ class Commission:
     """Name of the cell (--live)."""
     zenoh: Path | None = None
     """Zenoh configuration file, for a cell on another machine (--live)."""
+    cell_file: str | None = None
+    """Cell whose places the arm works at, as for `dtwin up`: a file (*.toml), or a name of the folder cells (--live);
+    a log says it itself."""
     known: Path | None = None
     """JSON file with the parameters of the arm as it was designed; the data sheet's arm if not given."""
     out: Path | None = None
@@ -98,8 +102,10 @@ class Commission:
                 self._write(found, status.update)
                 kept.finish()
             else:
-                kept = stages("live", self.cell, self.motion, self.watch, self.excite)
-                found = self._live(kept, arm, status.update)
+                task = CellFileOption(cell_file=self.cell_file).task()
+                warn_of_places(task, arm)
+                kept = stages("live", self.cell, self.motion, self.watch, self.excite, told(task))
+                found = self._live(kept, arm, task, status.update)
                 self._write(found, status.update)
                 kept.finish(None if self.out is None else self.out.with_name(f"{self.out.name}.data"))
         if self.json:
@@ -111,6 +117,8 @@ class Commission:
     def _check(self) -> None:
         if (self.log is None) != self.live:
             raise ParameterError("expected either a log or --live")
+        if not self.live and self.cell_file is not None:
+            raise ParameterError("--cell-file: expected --live beside it, since a log says where its boxes were")
         if self.live and self.out is None:
             raise ParameterError("--live: expected --out, beside which the collected work is kept")
         check_name(self.cell, "cell")
@@ -120,7 +128,7 @@ class Commission:
             if path is not None:
                 ensure_writable(path, ending)
 
-    def _live(self, stages: Stages, arm: ArmParameters, progress: Progress) -> Commissioned:
+    def _live(self, stages: Stages, arm: ArmParameters, task: Task, progress: Progress) -> Commissioned:
         """Commissions the arm of a running cell, whose bus is joined when something is to be collected."""
 
         def collected(name: str, seconds: float, excite: bool) -> Log:
@@ -131,7 +139,7 @@ class Commission:
                     log = collect(bus, seconds, lambda done: progress(f"{name}: {done:.0f} of {seconds:.0f} s"))
                     if excite:
                         _let_go(bus)
-                log.write_parquet(path)
+                replace(log, metadata={**log.metadata, **told(task)}).write_parquet(path)
 
             progress(f"{name}: waits for the cell")
             return read_log(stages.file(f"{name}.parquet", make))

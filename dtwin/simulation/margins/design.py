@@ -16,6 +16,7 @@ from dtwin.simulation.margins.demands import MARGINS, Case, Demands
 from dtwin.simulation.margins.loop import Loop, linear_arm, linear_blocks
 from dtwin.simulation.margins.measures import margins, voltage_noise
 from dtwin.simulation.margins.poses import places
+from dtwin.task import DEFAULT_TASK, Task
 from dtwin.twin.effects import NO_EFFECTS, Effects
 
 POSITION_POLES: Final = (8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0, 16.0, 18.0)
@@ -89,6 +90,7 @@ def design(
     progress: Progress,
     late: Sequence[float] = LATE,
     effects: Effects = NO_EFFECTS,
+    task: Task = DEFAULT_TASK,
 ) -> tuple[Candidate, ...]:
     """Judges gains on a grid of poles.
 
@@ -99,11 +101,12 @@ def design(
         progress: is told how many candidates of how many have been judged.
         late: ticks after which the arm obeys a command; all are tried.
         effects: what the arm has beside its parameters, as for `linear_loop`.
+        task: task whose places are the poses.
     """
     found = []
     at = [
         (pose, payload, linear_arm(arm, payload, pose.theta, effects))
-        for pose, payload in product(places(), (0.0, settings.payload))
+        for pose, payload in product(places(task), (0.0, settings.payload))
     ]
     grid = [(outer, inner) for outer, inner in product(POSITION_POLES, VELOCITY_POLES) if inner >= outer]
     for done, (position, velocity) in enumerate(grid, 1):
