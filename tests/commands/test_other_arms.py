@@ -34,6 +34,21 @@ def test_another_arm_is_identified_from_its_logs(folder: Path, capsys: pytest.Ca
     assert (folder / "found.urdf").is_file()
 
 
+def test_what_was_found_is_an_arm_that_other_commands_take(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["--mjcf", "found.xml", "--arm-out", "mine.toml"]
+    assert main(["identify", "empty.csv", "--arm", "drawn.urdf", *words]) == 0
+    capsys.readouterr()
+    assert main(["arm", "show", "mine.toml"]) == 0
+    assert "mine: 2 joints" in capsys.readouterr().out
+    for name in ("mine.toml", "found.xml"):
+        assert main(["identify", "empty.csv", "--arm", name, "--also", "full.csv", "--load", "full.csv=?"]) == 0
+    capsys.readouterr()
+    before = (folder / "drawn.urdf").read_text()
+    said = complain(capsys, "identify", "empty.csv", "--arm", "drawn.urdf", "--arm-out", "drawn.toml")
+    assert "--arm-out: expected another name than that of the arm's model" in said
+    assert (folder / "drawn.urdf").read_text() == before
+
+
 def test_a_log_is_shown_with_its_map_and_its_page(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["--map", "map.toml", "--page", "page.html"]
     assert main(["log", "show", "empty.csv", "--arm", "drawn.urdf", *words]) == 0

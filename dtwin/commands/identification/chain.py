@@ -4,14 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 from rich.console import Console
 from rich.table import Table
 
 from dtwin.arm.chain import Arm
+from dtwin.arm.file import ArmFile
+from dtwin.emulation.chain.overlay import write_mjcf
 from dtwin.errors import ParameterError
-from dtwin.identification.chain.identify import Identification, Sample, Settings, identify
-from dtwin.identification.chain.result import as_object, numbers, write_toml, write_urdf
+from dtwin.files import ensure_writable
+from dtwin.identification.chain.identify import Identification, Sample
+from dtwin.identification.chain.overlay import overlaid, write_arm, write_urdf
+from dtwin.identification.chain.result import as_object, numbers, write_toml
 from dtwin.measurements.columns import ColumnMap
 from dtwin.measurements.page import oddities
 from dtwin.measurements.reading import read_measurement
@@ -64,24 +69,68 @@ def _mass(text: str, mass: str) -> float:
     return value
 
 
-def run(
-    arm: Arm, samples: Sequence[Sample], masses: dict[str, float], out: Path | None, urdf: tuple[Path, Path] | None
-) -> Identification:
-    """Identifies the arm and writes what was found.
+class Written(NamedTuple):
+    """Files that an identified arm is written to; None for those that nobody asked for.
 
-    Args:
-        arm: the arm as it is known.
-        samples: measurements.
-        masses: masses that are known, kg.
-        out: TOML file to write, if any.
-        urdf: template and the URDF to write, if any.
+    Attributes:
+        out: all numbers, *.toml.
+        urdf: the description with what was found.
+        mjcf: the same as MJCF.
+        arm: the file of the arm, *.toml, with its model of the same name beside it.
     """
-    found = identify(arm, samples, Settings(masses))
-    if out is not None:
-        write_toml(found, out)
-    if urdf is not None:
-        write_urdf(found, *urdf)
-    return found
+
+    out: Path | None = None
+    urdf: Path | None = None
+    mjcf: Path | None = None
+    arm: Path | None = None
+
+    def check(self, model: Path) -> None:
+        """Checks that all can be written before anything is estimated.
+
+        Args:
+            model: the arm's model file.
+
+        Raises:
+            ParameterError: a URDF is asked for of an arm that has none.
+            RecordingError: a path cannot be written.
+        """
+        if self.urdf is not None and model.suffix.lower() != ".urdf":
+            raise ParameterError(f"--urdf: expected an arm whose model is a URDF file, got {model}")
+        beside = self._beside(model)
+        endings = ((self.out, ".toml"), (self.urdf, ".urdf"), (self.mjcf, ".xml"), (self.arm, ".toml"))
+        for path, ending in (*endings, (beside, model.suffix.lower())):
+            if path is not None:
+                ensure_writable(path, ending)
+        if self.arm is not None and self.arm == self.out:
+            raise ParameterError(f"--arm-out: expected another file than --out, got {self.arm}")
+        if beside is not None and beside.resolve() == model.resolve():
+            raise ParameterError(f"--arm-out: expected another name than that of the arm's model, got {self.arm}")
+
+    def write(self, found: Identification, known: ArmFile) -> None:
+        """Writes what was found.
+
+        Args:
+            found: what was found.
+            known: what the arm's file says.
+        """
+        model = known.model
+        template = None if model.suffix.lower() == ".urdf" else model
+        if self.out is not None:
+            write_toml(found, self.out)
+        if self.urdf is not None:
+            write_urdf(found, model, self.urdf)
+        if self.mjcf is not None:
+            write_mjcf(overlaid(found), template, self.mjcf)
+        beside = self._beside(model)
+        if self.arm is not None and beside is not None:
+            if template is None:
+                write_urdf(found, model, beside)
+            else:
+                write_mjcf(overlaid(found), template, beside)
+            write_arm(found, known, beside, self.arm)
+
+    def _beside(self, model: Path) -> Path | None:
+        return None if self.arm is None else self.arm.with_suffix(model.suffix.lower())
 
 
 def report(found: Identification, samples: Sequence[Sample], json: bool) -> None:

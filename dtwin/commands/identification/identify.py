@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.table import Table
 
 from dtwin.api.identification import Identified, Measured, fitted, measured
-from dtwin.arm.file import SUFFIX, path_of, read_file
+from dtwin.arm.file import SUFFIX, ArmFile, path_of, read_file
 from dtwin.controller.excitation import ExcitationController
 from dtwin.emulation.chain.arms import arm_of
 from dtwin.emulation.machine.files import machine_of
@@ -101,7 +101,11 @@ class Identify(MachineOption):
     out: Path | None = None
     """TOML file for all numbers with intervals (--arm)."""
     urdf: Path | None = None
-    """URDF file for the arm with the bodies that were found (--arm)."""
+    """URDF file for the arm with the bodies and the friction that were found (--arm)."""
+    mjcf: Path | None = None
+    """MJCF file for the same, with the inertia of rotors (--arm); of a URDF it is the chain without shapes."""
+    arm_out: Path | None = None
+    """TOML file for the arm as all commands take it, with its model of the same name beside it (--arm)."""
     json: bool = False
     """Print one JSON object on standard output and nothing else."""
 
@@ -138,31 +142,25 @@ class Identify(MachineOption):
 
     def _chain(self, text: str) -> int:
         """Identifies another arm than the thesis's."""
-        from dtwin.commands.identification.chain import report, run, samples_of
+        from dtwin.commands.identification.chain import Written, report, samples_of
+        from dtwin.identification.chain.identify import Settings, identify
 
         if self.log is None:
             raise ParameterError("--arm: expected a log, from which the arm is identified")
-        for path, ending in ((self.out, ".toml"), (self.urdf, ".urdf")):
-            if path is not None:
-                ensure_writable(path, ending)
+        path = path_of(text)
+        known = read_file(path) if path.suffix.lower() == SUFFIX else ArmFile(path, path)
+        known = replace(known, tip=self.tip or known.tip)
+        written = Written(self.out, self.urdf, self.mjcf, self.arm_out)
+        written.check(known.model)
         arm = arm_of(text, self.tip)
         columns = None if self.columns is None else read_map(self.columns)
         with Console(stderr=True).status("reading") as status:
             samples, masses = samples_of(arm, [self.log, *self.also], self.load, columns)
             status.update("estimating")
-            found = run(arm, samples, masses, self.out, self._template(text))
+            found = identify(arm, samples, Settings(masses))
+            written.write(found, known)
         report(found, samples, self.json)
         return 0
-
-    def _template(self, text: str) -> tuple[Path, Path] | None:
-        """The URDF file that the bodies are written into, and where to; None where nobody asks for it."""
-        if self.urdf is None:
-            return None
-        path = path_of(text)
-        model = read_file(path).model if path.suffix.lower() == SUFFIX else path
-        if model.suffix.lower() != ".urdf":
-            raise ParameterError(f"--urdf: expected an arm whose model is a URDF file, got {model}")
-        return model, self.urdf
 
     def _settings(self) -> EstimationSettings:
         known = load_arm(self.known) if self.known is not None else None

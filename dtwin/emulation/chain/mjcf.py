@@ -284,3 +284,21 @@ def _tool(model: mujoco.MjModel, body: int) -> Array:
     """The first site of the last body, else its origin, in its frame."""
     first = next((site for site in range(model.nsite) if int(model.site_bodyid[site]) == body), None)
     return np.zeros(3) if first is None else np.array(model.site_pos[first])
+
+
+def jointed_below(model: mujoco.MjModel, body: int, chain: set[int]) -> tuple[float, Array, Array]:
+    """Mass, first moments and inertia, about the origin of a body's frame, of what joints move beside the chain.
+
+    That is with all joints at their position 0, of what hangs on the body, also by bodies that no joint moves.
+    """
+    found = _NOTHING
+    for child in range(body + 1, model.nbody):
+        if int(model.body_parentid[child]) != body or child in chain:
+            continue
+        part = (
+            _welded(model, child, chain)[0]
+            if _joints_of(model, child)
+            else _Body(*jointed_below(model, child, chain))
+        )
+        found = _together(found, _shifted(part, _place(model, child)))
+    return found.mass, found.moment, found.inertia

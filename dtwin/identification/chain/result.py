@@ -1,4 +1,4 @@
-"""What was found of an arm, as rows for people and as files: TOML with intervals, URDF with the new bodies."""
+"""What was found of an arm, as rows for people and as a file: TOML with intervals."""
 
 from __future__ import annotations
 
@@ -9,11 +9,8 @@ from typing import Any, Final
 
 import msgspec
 import numpy as np
-from lxml import etree
 
-from dtwin.arm.chain import INERTIAL, Array, Link
-from dtwin.arm.urdf import parse_urdf
-from dtwin.errors import ModelError
+from dtwin.arm.chain import INERTIAL, Array
 from dtwin.files import replacing
 from dtwin.identification.chain.friction import sliding
 from dtwin.identification.chain.identify import Identification
@@ -142,46 +139,3 @@ def _inline(value: object) -> str:
     if isinstance(value, list | tuple):
         return "[" + ", ".join(map(_inline, value)) + "]"
     return _text(value) if isinstance(value, str) else repr(value)
-
-
-def write_urdf(found: Identification, template: Path, path: Path) -> None:
-    """Writes a URDF with the bodies that were found; frames, joints and meshes are those of the template.
-
-    Links that are welded to a link of the chain lose their inertial elements: the body that was found has them in it.
-
-    Raises:
-        ModelError: the template is no longer that of the arm.
-        RecordingError: the path cannot be written.
-    """
-    tree = parse_urdf(template)
-    elements = {link.get("name"): link for link in tree.getroot().findall("link")}
-    below: dict[str, list[str]] = {}
-    for joint in tree.getroot().findall("joint"):
-        parent, child = joint.find("parent"), joint.find("child")
-        if parent is not None and child is not None:
-            below.setdefault(parent.get("link"), []).append(child.get("link"))
-    chain = {link.name for link in found.arm.links}
-    for body in found.arm.links:
-        if body.name not in elements:
-            raise ModelError(f"{template}: expected a link {body.name!r}")
-        _replace(elements[body.name], body)
-        hanging = [name for name in below.get(body.name, ()) if name not in chain]
-        while hanging:
-            name = hanging.pop()
-            hanging += below.get(name, ())
-            inertial = elements[name].find("inertial")
-            if inertial is not None:
-                elements[name].remove(inertial)
-    with replacing(path, ".urdf") as temporary:
-        tree.write(temporary, encoding="utf-8", xml_declaration=True)
-
-
-def _replace(element: etree._Element, body: Link) -> None:
-    old = element.find("inertial")
-    if old is not None:
-        element.remove(old)
-    inertial = etree.SubElement(element, "inertial")
-    etree.SubElement(inertial, "origin", xyz=" ".join(f"{x:.9g}" for x in body.centre), rpy="0 0 0")
-    etree.SubElement(inertial, "mass", value=f"{body.mass:.9g}")
-    xx, xy, yy, xz, yz, zz = (f"{x:.9g}" for x in body.inertia[np.tril_indices(3)])
-    etree.SubElement(inertial, "inertia", ixx=xx, ixy=xy, ixz=xz, iyy=yy, iyz=yz, izz=zz)

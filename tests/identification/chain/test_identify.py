@@ -14,7 +14,8 @@ from dtwin.identification.chain.consistency import body_of, is_possible, mended,
 from dtwin.identification.chain.design import Filtering
 from dtwin.identification.chain.friction import dahl
 from dtwin.identification.chain.identify import Identification, Sample, Settings, identify, unexplained
-from dtwin.identification.chain.result import as_object, numbers, write_toml, write_urdf
+from dtwin.identification.chain.overlay import write_urdf
+from dtwin.identification.chain.result import as_object, numbers, write_toml
 from dtwin.measurements.measurement import Measurement
 from tests.support.chains import drawn_arm, drawn_urdf, measured
 
