@@ -20,9 +20,12 @@ def test_a_machine_is_the_same_everywhere_and_its_log_has_all_columns(joints: in
     log, again = log_of(machine, 3.0, 1, 2.0), log_of(drawn_machine(3, joints), 3.0, 1, 2.0)
     assert log.effort is not None
     assert log.temperature is not None
-    assert np.array_equal(log.effort, again.effort)  # type: ignore[arg-type]
+    other = log_of(machine, 3.0, 1, 0.0)
+    assert again.effort is not None
+    assert other.effort is not None
+    assert np.array_equal(log.effort, again.effort)
     assert log.q.shape == log.effort.shape == log.temperature.shape == (375, joints)
-    assert not np.array_equal(log.effort, log_of(machine, 3.0, 1, 0.0).effort)  # type: ignore[arg-type]
+    assert not np.array_equal(log.effort, other.effort)
 
 
 def test_what_is_promised_is_counted() -> None:

@@ -14,6 +14,7 @@ from dtwin.arm.file import ArmFile
 from dtwin.emulation.chain.overlay import write_mjcf
 from dtwin.errors import ParameterError
 from dtwin.files import ensure_writable
+from dtwin.identification.chain.delay import delays, said_of
 from dtwin.identification.chain.identify import Identification, Sample
 from dtwin.identification.chain.overlay import overlaid, write_arm, write_urdf
 from dtwin.identification.chain.result import as_object, numbers, write_toml
@@ -137,7 +138,8 @@ def report(found: Identification, samples: Sequence[Sample], json: bool) -> None
     """Prints what was found, for people or for programs."""
     odd = [f"{s.measurement.source}: {line}" for s in samples for line in oddities(s.measurement)]
     if json:
-        print_json({**as_object(found), "oddities": odd})
+        late = {n.name: {"value": n.value, "half": n.half, "told": n.told} for n in delays(found)}
+        print_json({**as_object(found), "delays": late, "oddities": odd})
         return
     table = Table("", "value, SI units", "95 % interval")
     rows = list(numbers(found))
@@ -153,5 +155,7 @@ def report(found: Identification, samples: Sequence[Sample], json: bool) -> None
     if errors is not None:
         told = ", ".join(f"{100 * error:.1f} %" for error in errors)
         console.print(as_text(f"effort that is not explained on motion that was held out, by joint: {told}"))
+    if late_words := said_of(delays(found)):
+        console.print(as_text(late_words))
     silent = [row.name for row in rows if not row.told]
     console.print(as_text(f"not told by the data, as it was known: {', '.join(silent) or 'nothing'}"))

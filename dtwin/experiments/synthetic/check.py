@@ -17,7 +17,7 @@ from dtwin.emulation.peer import is_installed
 from dtwin.errors import ParameterError
 from dtwin.experiments.synthetic.machines import Drawn, drawn_machine, log_of
 from dtwin.identification.chain.baseline import Baseline
-from dtwin.identification.chain.design import Filtering, rows_of, smooth
+from dtwin.identification.chain.design import Filtering, rigid_of, rows_of, smooth
 from dtwin.identification.chain.identify import Identification, Sample, Settings, identify, unexplained
 from dtwin.identification.chain.result import numbers
 from dtwin.measurements.measurement import Measurement
@@ -144,7 +144,9 @@ def _peer(
     fit = fit_chain(
         machine.sheet, stretch.dt, stretch.q[rows], stretch.v[rows], (stretch.effort * machine.gain)[rows]
     )
-    made, terms = rows_of(machine.sheet, smooth(other, Filtering())[0], found.design.scales, Filtering(), "other")
+    tested, scales = smooth(other, Filtering())[0], found.design.scales
+    rigid = rigid_of(machine.sheet, tested, scales, Filtering())
+    made, terms = rows_of(rigid, tested, scales, Filtering(), "other")
     torque = made.rigid @ fit.parameters
     for joint, mine in enumerate(made.terms):
         names = terms[joint].names

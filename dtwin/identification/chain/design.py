@@ -160,8 +160,44 @@ def scales_of(stretches: Sequence[Smooth]) -> tuple[Scale, ...]:
     )
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Rigid:
+    """What the links ask of one stretch; it does not depend on any parameter.
+
+    Attributes:
+        full: columns of the inertial parameters before the filter, (N, n, 10 n).
+        kept: numbers of the rows that are left after the filter, (K,).
+        every: rows of the stretch from one of them to the next.
+        filtered: the columns after the filter, (K, n, 10 n).
+    """
+
+    full: Array
+    kept: np.ndarray
+    every: int
+    filtered: Array
+
+
+def rigid_of(arm: Arm, stretch: Smooth, scales: Sequence[Scale], filtering: Filtering) -> Rigid:
+    """What the links ask of one stretch.
+
+    Args:
+        arm: chain; its parameters are not looked at.
+        stretch: the motion.
+        scales: what is usual for each joint.
+        filtering: the filter.
+    """
+    full = regressor(arm, stretch.q, stretch.v, stretch.a)
+    every = max(1, int(1.0 / (5.0 * filtering.cutoff * stretch.dt)))
+    kept = _moving(stretch, scales, filtering)[::every]
+    filtered = np.zeros((len(kept), *full.shape[1:]))
+    for joint in range(len(arm)):  # the links before a joint ask nothing of it
+        beyond = slice(10 * joint, None)
+        filtered[:, joint, beyond] = low_passed(full[:, joint, beyond], stretch.dt, filtering.cutoff)[kept]
+    return Rigid(full, kept, every, filtered)
+
+
 def rows_of(
-    arm: Arm,
+    rigid: Rigid,
     stretch: Smooth,
     scales: Sequence[Scale],
     filtering: Filtering,
@@ -172,7 +208,7 @@ def rows_of(
     """The equations of one stretch.
 
     Args:
-        arm: chain; its parameters are not looked at.
+        rigid: what the links ask of it.
         stretch: motion and effort.
         scales: what is usual for each joint.
         filtering: the filter.
@@ -184,8 +220,7 @@ def rows_of(
     Returns:
         The equations, and the terms before the filter.
     """
-    full = regressor(arm, stretch.q, stretch.v, stretch.a)
-    sizes = None if carried is None else np.abs(full @ carried)
+    sizes = None if carried is None else np.abs(rigid.full @ carried)
     terms = [
         friction_terms(
             scale,
@@ -197,16 +232,14 @@ def rows_of(
         )
         for j, scale in enumerate(scales)
     ]
-    every = max(1, int(1.0 / (5.0 * filtering.cutoff * stretch.dt)))
-    kept = _moving(stretch, scales, filtering)[::every]
 
     def through(columns: Array) -> Array:
-        return low_passed(columns, stretch.dt, filtering.cutoff)[kept]
+        return low_passed(columns, stretch.dt, filtering.cutoff)[rigid.kept]
 
     made = Rows(
         source,
-        stretch.dt * every,
-        through(full),
+        stretch.dt * rigid.every,
+        rigid.filtered,
         tuple(through(t.values) for t in terms),
         through(stretch.effort),
         load,

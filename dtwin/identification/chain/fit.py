@@ -54,14 +54,12 @@ class Fit:
         gain: gain of every joint, (n,).
         noise: size of the residual of every joint, (n,), in the unit of the log.
         used: which unknowns were estimated, (size,).
-        hessian: matrix of the normal equations of the used unknowns, with the prior, in effective samples.
     """
 
     unknowns: Array
     gain: Array
     noise: Array
     used: Array
-    hessian: Array
 
 
 def fit(moments: Moments, prior: Prior, used: Array, without: int | None = None, start: Fit | None = None) -> Fit:
@@ -74,55 +72,105 @@ def fit(moments: Moments, prior: Prior, used: Array, without: int | None = None,
         without: fold that is left out.
         start: an estimate of other terms, whose gains are kept.
     """
-    products, count = moments.without(without)
+    equations = _Equations(moments, prior, used, without)
     gain = prior.gain if start is None else start.gain
-    noise = np.sqrt(products[:, -1, -1] / count) if start is None else start.noise
+    noise = equations.usual() if start is None else start.noise
     free = (prior.gain_deviation > 0.0) & (start is None)
-    found = _solved(products, count, moments.share, prior, used, gain, noise)
+    found = equations.solved(gain, noise)
     for _ in range(_ROUNDS):
         if free.any():
-            gain = _gains(products, count, moments.share, prior, used, found, free)
-        found = _solved(products, count, moments.share, prior, used, gain, found.noise)
-        found = replace(found, noise=_sizes(products, count, found))
+            gain = _gains(equations, prior, found, free)
+        found = equations.solved(gain, found.noise)
+        found = replace(found, noise=np.sqrt(equations.squares(found) / equations.count) + 1e-12)
     return found
 
 
-def _solved(products: Array, count: float, share: float, prior: Prior, used: Array, gain: Array, noise: Array) -> Fit:
-    """The linear unknowns, given gains and weights."""
-    weight = share / (gain * noise) ** 2
-    chosen = np.flatnonzero(used)
-    inner = products[:, chosen[:, None], chosen]
-    precision = _precision(prior)[chosen]
-    hessian = np.einsum("j,jpq->pq", weight, inner) + np.diag(precision)
-    right = np.einsum("j,jp->p", weight * gain, products[:, chosen, -1]) + precision * prior.mean[chosen]
-    scale = 1.0 / np.sqrt(np.diag(hessian) + 1e-300)
-    scaled = hessian * scale * scale[:, None]
-    scaled[np.diag_indices_from(scaled)] += _ROUNDING
-    solution = cho_solve(cho_factor(scaled), right * scale) * scale
-    unknowns = np.zeros(len(used))
-    unknowns[chosen] = solution
-    return Fit(unknowns, gain, noise, used, hessian)
+class _Equations:
+    """The sums of what is estimated, joint by joint those of the unknowns that act on it."""
+
+    def __init__(self, moments: Moments, prior: Prior, used: Array, without: int | None) -> None:
+        products, self.count = moments.without(without)
+        self.share, self.prior, self.used = moments.share, prior, used
+        self.chosen = np.flatnonzero(used)
+        with np.errstate(divide="ignore"):
+            self._precision = np.minimum(1.0 / prior.deviation[self.chosen] ** 2, _NEVER)
+        self._mean = self._precision * prior.mean[self.chosen]
+        self._blocks = [moments.block(products, joint, used) for joint in range(len(products))]
+        self._common = int(used[: moments.layout.inertial.stop].sum())
+        self._places = [np.searchsorted(self.chosen, places) for places, _ in self._blocks]
+
+    def usual(self) -> Array:
+        """Root mean square of the effort of every joint, (n,)."""
+        return np.sqrt(np.array([block[-1, -1] for _, block in self._blocks]) / self.count)
+
+    def solved(self, gain: Array, noise: Array) -> Fit:
+        """The linear unknowns, given gains and weights.
+
+        The friction of a joint acts on that joint alone, so that it is told by the bodies, joint by joint, and the
+        bodies by a small matrix: Schur's complement (Boyd and Vandenberghe 2004, C.4).
+        """
+        weight = self.share / (gain * noise) ** 2
+        common = self._common
+        bodies = np.diag(self._precision[:common])
+        right = self._mean[:common].copy()
+        for joint, (_, block) in enumerate(self._blocks):
+            bodies += weight[joint] * block[:common, :common]
+            right += weight[joint] * gain[joint] * block[:common, -1]
+        scale = 1.0 / np.sqrt(np.diag(bodies) + 1e-300)
+        bodies *= scale * scale[:, None]
+        bodies[np.diag_indices(common)] += _ROUNDING
+        right *= scale
+        told = [self._friction(joint, weight[joint], gain[joint], scale) for joint in range(len(gain))]
+        for across, inner, _ in told:
+            bodies -= across.T @ inner[:, :-1]
+            right -= across.T @ inner[:, -1]
+        solution = cho_solve(cho_factor(bodies, check_finite=False, overwrite_a=True), right, check_finite=False)
+        unknowns = np.zeros(len(self.used))
+        unknowns[self.chosen[:common]] = solution * scale
+        for (places, _), (_, inner, mine) in zip(self._blocks, told, strict=True):
+            unknowns[places[common:]] = (inner[:, -1] - inner[:, :-1] @ solution) * mine
+        return Fit(unknowns, gain, noise, self.used)
+
+    def _friction(self, joint: int, weight: float, gain: float, scale: Array) -> tuple[Array, Array, Array]:
+        """Of a joint's friction: products with the bodies, these and the effort by its own inverse, and its scale."""
+        (_, block), at, common = self._blocks[joint], self._places[joint][self._common :], self._common
+        own = weight * block[common:-1, common:-1]
+        own[np.diag_indices(len(at))] += self._precision[at]
+        mine = 1.0 / np.sqrt(np.diag(own) + 1e-300)
+        own *= mine * mine[:, None]
+        own[np.diag_indices(len(at))] += _ROUNDING
+        right = (weight * gain * block[common:-1, -1] + self._mean[at]) * mine
+        across = weight * block[common:-1, :common] * (mine[:, None] * scale)
+        both = np.concatenate([across, right[:, None]], axis=1)
+        return across, cho_solve(cho_factor(own, check_finite=False), both, check_finite=False), mine
+
+    def squares(self, found: Fit) -> Array:
+        """Sum of the squared residuals of every joint, (n,), in the unit of the log."""
+        return np.array([_squared(found, j, *block) for j, block in enumerate(self._blocks)])
+
+    def slopes(self, found: Fit) -> Array:
+        """Half the derivative of `squares` by the logarithm of every gain, (n,), at fixed unknowns."""
+        slopes = np.zeros(len(self._blocks))
+        for joint, (places, block) in enumerate(self._blocks):
+            parts = found.unknowns[places] / found.gain[joint]
+            slopes[joint] = np.append(-parts, 1.0) @ block @ np.append(parts, 0.0)
+        return slopes
 
 
-def _precision(prior: Prior) -> Array:
-    with np.errstate(divide="ignore"):
-        return np.minimum(1.0 / prior.deviation**2, _NEVER)
+def _squared(found: Fit, joint: int, places: NDArray[np.intp], block: Array) -> float:
+    vector = np.append(-found.unknowns[places] / found.gain[joint], 1.0)
+    return max(float(vector @ block @ vector), 0.0)
 
 
-def squares(products: Array, found: Fit) -> Array:
-    """Sum of the squared residuals of every joint, (n,), in the unit of the log."""
-    vectors = np.concatenate([-found.unknowns / found.gain[:, None], np.ones((len(found.gain), 1))], axis=1)
-    return np.maximum(np.einsum("jp,jpq,jq->j", vectors, products, vectors), 0.0)
+def squares(moments: Moments, fold: int, found: Fit) -> Array:
+    """Sum of the squared residuals of every joint in one fold, (n,), in the unit of the log."""
+    products = moments.products[fold]
+    return np.array([_squared(found, j, *moments.block(products, j, found.used)) for j in range(len(products))])
 
 
-def _sizes(products: Array, count: float, found: Fit) -> Array:
-    return np.sqrt(squares(products, found) / count) + 1e-12
-
-
-def _gains(
-    products: Array, count: float, share: float, prior: Prior, used: Array, found: Fit, free: NDArray[np.bool_]
-) -> Array:
+def _gains(equations: _Equations, prior: Prior, found: Fit, free: NDArray[np.bool_]) -> Array:
     """The gains that explain the effort best, each with the linear unknowns that go with it."""
+    known = np.isfinite(prior.deviation) & equations.used
 
     def gains(logs: Array) -> Array:
         gain = found.gain.copy()
@@ -130,25 +178,15 @@ def _gains(
         return gain
 
     def cost(logs: Array) -> tuple[float, Array]:
-        tried = _solved(products, count, share, prior, used, gains(logs), found.noise)
-        known = np.isfinite(prior.deviation) & used
+        tried = equations.solved(gains(logs), found.noise)
         apart = (tried.unknowns - prior.mean)[known] / prior.deviation[known]
-        left, slope = squares(products, tried), _slopes(products, tried)
-        fitted = share * np.sum(left / found.noise**2)
+        left, slope = equations.squares(tried), equations.slopes(tried)
+        fitted = equations.share * np.sum(left / found.noise**2)
         value = 0.5 * (fitted + apart @ apart + np.sum((logs / prior.gain_deviation[free]) ** 2))
         # The linear unknowns are the best ones for these gains: the cost does not change with them.
-        gradient = share * (slope / found.noise**2)[free] + logs / prior.gain_deviation[free] ** 2
+        gradient = equations.share * (slope / found.noise**2)[free] + logs / prior.gain_deviation[free] ** 2
         return float(value), gradient
 
     start = np.log(found.gain[free] / prior.gain[free])
     bounds = [(value - _FARTHEST, value + _FARTHEST) for value in start]
     return gains(minimize(cost, start, jac=True, method="L-BFGS-B", bounds=bounds, options={"gtol": 1e-2}).x)
-
-
-def _slopes(products: Array, found: Fit) -> Array:
-    """Half the derivative of `squares` by the logarithm of every gain, (n,), at fixed unknowns."""
-    parts = found.unknowns / found.gain[:, None]
-    residual = np.concatenate([-parts, np.ones((len(parts), 1))], axis=1)
-    change = np.concatenate([parts, np.zeros((len(parts), 1))], axis=1)
-    slopes: Array = np.einsum("jp,jpq,jq->j", residual, products, change)
-    return slopes

@@ -38,6 +38,8 @@ _FALLS: Final = (0.05, 0.15)
 """Parts of the usual speed over which Stribeck's further friction falls."""
 _FALLING: Final = 0.015
 """Part of the usual travel over which it turns over."""
+_FORGOTTEN: Final = 1e-15
+"""Factor of a state of presliding from which on rounding forgets it."""
 _LENGTHS: Final = (0.005, 0.015, 0.05, 0.15)
 """Parts of the usual travel over which an element of presliding turns over; a factor of three apart."""
 
@@ -135,10 +137,14 @@ def dahl(q: Array, length: float) -> Array:
     """
     travelled = np.diff(q, prepend=q[:1])
     kept = np.exp(-np.abs(travelled) / length)
-    gained = (1.0 - kept) * np.sign(travelled)
-    found = np.zeros_like(q)
-    state = 0.0
-    for k, (keep, gain) in enumerate(zip(kept.tolist(), gained.tolist(), strict=True)):
-        state = state * keep + gain
-        found[k] = state
+    found = (1.0 - kept) * np.sign(travelled)
+    # What k steps do one after the other is again a factor and a summand: doubling k carries every start to the end
+    # (Hillis and Steele 1986). What is left of a state 32 lengths back is less than rounding.
+    reach = 1
+    while reach < len(found) and kept.any():
+        found[reach:] += kept[reach:] * found[:-reach]
+        kept[reach:] = kept[reach:] * kept[:-reach]
+        kept[:reach] = 0.0
+        kept[kept < _FORGOTTEN] = 0.0
+        reach *= 2
     return found

@@ -11,7 +11,7 @@ import numpy as np
 from dtwin.arm.chain import Actuator, Arm, Array
 from dtwin.errors import IdentificationError
 from dtwin.identification.chain.consistency import nearest_possible
-from dtwin.identification.chain.design import Design, Filtering, Smooth, rows_of, scales_of, smooth
+from dtwin.identification.chain.design import Design, Filtering, Rigid, Smooth, rigid_of, rows_of, scales_of, smooth
 from dtwin.identification.chain.fit import Fit, Prior, fit, squares
 from dtwin.identification.chain.friction import CANDIDATES, Group
 from dtwin.identification.chain.intervals import covariance_of, inverse
@@ -132,8 +132,9 @@ class Identification:
         design = self.design
         carried = _with_load(self.moments, self.found, load)
         rows = [
-            rows_of(self.arm, stretch, design.scales, design.filtering, measurement.source, load, carried)[0]
+            rows_of(rigid, stretch, design.scales, design.filtering, measurement.source, load, carried)[0]
             for stretch in smooth(measurement, design.filtering)
+            for rigid in (rigid_of(self.arm, stretch, design.scales, design.filtering),)
         ]
         if not rows:
             raise IdentificationError(f"{measurement.source}: expected a longer stretch without a gap")
@@ -164,11 +165,13 @@ def identify(arm: Arm, samples: Sequence[Sample], settings: Settings | None = No
     stretches = [(s, part) for s in samples for part in smooth(s.measurement, settings.filtering)]
     if not stretches:
         raise IdentificationError("expected a stretch of motion without a gap of at least two seconds")
-    rough = moments_of(first := _design(arm, stretches, settings, None))
+    scales = scales_of([stretch for _, stretch in stretches])
+    rigid = [rigid_of(arm, stretch, scales, settings.filtering) for _, stretch in stretches]
+    rough = moments_of(first := _design(arm, stretches, rigid, settings, None))
     prior = _prior(first, rough, settings)
     start = fit(rough, prior, _used(first, CANDIDATES))
     carried = {sample.load: _with_load(rough, start, sample.load) for sample in samples}
-    design = _design(arm, stretches, settings, carried)
+    design = _design(arm, stretches, rigid, settings, carried)
     moments = moments_of(design)
     prior = _prior(design, moments, settings)
     groups, held_out = _chosen(design, moments, prior, settings)
@@ -209,15 +212,18 @@ def _check(arm: Arm, samples: Sequence[Sample], settings: Settings) -> None:
 
 
 def _design(
-    arm: Arm, stretches: Sequence[tuple[Sample, Smooth]], settings: Settings, carried: Mapping[str, Array] | None
+    arm: Arm,
+    stretches: Sequence[tuple[Sample, Smooth]],
+    rigid: Sequence[Rigid],
+    settings: Settings,
+    carried: Mapping[str, Array] | None,
 ) -> Design:
     scales = scales_of([stretch for _, stretch in stretches])
     rows, terms = [], None
-    for sample, stretch in stretches:
+    for (sample, stretch), known in zip(stretches, rigid, strict=True):
         by_load = None if carried is None else carried[sample.load]
-        row, terms = rows_of(
-            arm, stretch, scales, settings.filtering, sample.measurement.source, sample.load, by_load
-        )
+        source = sample.measurement.source
+        row, terms = rows_of(known, stretch, scales, settings.filtering, source, sample.load, by_load)
         if len(row.effort):
             rows.append(row)
     if not rows or terms is None:
@@ -355,7 +361,7 @@ def _held_out(moments: Moments, prior: Prior, used: np.ndarray, start: Fit) -> A
     total = np.zeros(moments.layout.joints)
     for fold in range(FOLDS):
         found = fit(moments, prior, used, fold, start)
-        total += squares(moments.products[fold], found)
+        total += squares(moments, fold, found)
     effort = moments.products[:, :, -1, -1].sum(axis=0)
     share: Array = np.sqrt(total / effort)
     return share
@@ -382,4 +388,4 @@ def _possible(moments: Moments, prior: Prior, found: Fit, covariance: Array) -> 
     unknowns[used] += change[: len(used)]
     unknowns[:inertial] = bodies
     gain = found.gain * np.exp(change[len(used) :])
-    return Fit(unknowns, gain, found.noise, found.used, found.hessian)
+    return Fit(unknowns, gain, found.noise, found.used)

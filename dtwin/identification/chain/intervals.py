@@ -30,22 +30,21 @@ def covariance_of(design: Design, moments: Moments, prior: Prior, found: Fit) ->
     with np.errstate(divide="ignore"):
         known = np.concatenate([1.0 / prior.deviation[chosen] ** 2, 1.0 / prior.gain_deviation**2])
     known = np.minimum(known, 1e12)
-    slopes, residuals = [], []
-    for rows in design.rows:
-        every = columns(layout, rows) / found.gain[:, None]
-        predicted = every @ found.unknowns
-        by_gain = np.einsum("nj,jk->njk", predicted, np.eye(n))
-        slopes.append(np.concatenate([-every[:, :, chosen], by_gain], axis=2))
-        residuals.append(rows.effort - predicted)
-    longest = max(1, round(_LONGEST / float(np.median([rows.dt for rows in design.rows]))))
+    every = [columns(layout, rows) / found.gain[:, None] for rows in design.rows]
+    predicted = [mine @ found.unknowns for mine in every]
+    longest = longest_of(design)
     bread, meat = np.diag(known), np.diag(known)
     for joint in range(n):
         weight = share / found.noise[joint] ** 2
-        correlation = _correlation([r[:, joint] for r in residuals], longest)
-        for slope in slopes:
-            mine = slope[:, joint]
-            bread += weight * mine.T @ mine
-            meat += weight**2 * mine.T @ _convolved(correlation, mine)
+        pairs = zip(design.rows, predicted, strict=True)
+        correlation = correlation_of([rows.effort[:, joint] - told[:, joint] for rows, told in pairs], longest)
+        places = layout.of_joint(joint)
+        places = places[found.used[places]]  # the other unknowns do not act on this joint
+        at = np.append(np.searchsorted(chosen, places), size + joint)
+        for part, told in zip(every, predicted, strict=True):
+            mine = np.concatenate([-part[:, joint, places], told[:, joint, None]], axis=1)
+            bread[at[:, None], at] += weight * mine.T @ mine
+            meat[at[:, None], at] += weight**2 * mine.T @ convolved(correlation, mine)
     effective = share * float(moments.counts.sum()) * n
     lost = effective / max(effective - size, 0.25 * effective)
     outer = inverse(bread)
@@ -53,7 +52,12 @@ def covariance_of(design: Design, moments: Moments, prior: Prior, found: Fit) ->
     return found_covariance
 
 
-def _correlation(residuals: list[Array], longest: int) -> Array:
+def longest_of(design: Design) -> int:
+    """Rows over which residuals are taken to be correlated."""
+    return max(1, round(_LONGEST / float(np.median([rows.dt for rows in design.rows]))))
+
+
+def correlation_of(residuals: list[Array], longest: int) -> Array:
     """Autocovariance of a joint's residual for lags 0 to longest, tapered so that it stays positive (Bartlett)."""
     total: Array = np.zeros(longest + 1)
     count = 0
@@ -67,7 +71,7 @@ def _correlation(residuals: list[Array], longest: int) -> Array:
     return np.asarray(total * taper / count, dtype=np.float64)
 
 
-def _convolved(correlation: Array, columns: Array) -> Array:
+def convolved(correlation: Array, columns: Array) -> Array:
     """The matrix of covariances in time, a Toeplitz matrix, times columns (N, k)."""
     samples, longest = len(columns), min(len(correlation), len(columns)) - 1
     length = samples + longest

@@ -7,9 +7,11 @@ cost no second pass over the samples.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dtwin.arm.chain import Array
 from dtwin.identification.chain.design import Design, Rows
@@ -39,6 +41,11 @@ class Layout:
     def size(self) -> int:
         return 10 * self.joints + 10 * len(self.loads) + sum(self.terms)
 
+    def of_joint(self, joint: int) -> NDArray[np.intp]:
+        """The unknowns that act on a joint: links, loads, and its own friction."""
+        mine = self.friction(joint)
+        return np.concatenate([np.arange(self.inertial.stop), np.arange(mine.start, mine.stop)])
+
     @property
     def inertial(self) -> slice:
         """Links and loads together."""
@@ -53,7 +60,7 @@ class Layout:
         return slice(start, start + self.terms[joint])
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Moments:
     """Sums of products.
 
@@ -70,9 +77,31 @@ class Moments:
     share: float
 
     def without(self, fold: int | None) -> tuple[Array, float]:
-        """The products (n, size + 1, size + 1) and the number of rows without one fold."""
-        kept = [k for k in range(len(self.counts)) if k != fold]
-        return self.products[kept].sum(axis=0), float(self.counts[kept].sum())
+        """The products (n, size + 1, size + 1), not to be changed, and the number of rows without one fold."""
+        if fold not in self._sums:
+            kept = [k for k in range(len(self.counts)) if k != fold]
+            self._sums[fold] = self.products[kept].sum(axis=0), float(self.counts[kept].sum())
+        return self._sums[fold]
+
+    def block(self, products: Array, joint: int, used: Array) -> tuple[NDArray[np.intp], Array]:
+        """The unknowns that are used and act on a joint, (k,), and its products with them and the effort.
+
+        Args:
+            products: (n, size + 1, size + 1), such as those of `without`.
+            joint: number of the joint.
+            used: which unknowns are used, (size,).
+
+        Returns:
+            Places of the unknowns, and the matrix (k + 1, k + 1), whose last row and column are those of the effort.
+        """
+        places = self.layout.of_joint(joint)
+        places = places[used[places]]
+        ends = np.append(places, self.layout.size)
+        return places, products[joint, ends[:, None], ends]
+
+    @cached_property
+    def _sums(self) -> dict[int | None, tuple[Array, float]]:
+        return {}
 
 
 def layout_of(design: Design) -> Layout:
@@ -99,10 +128,13 @@ def moments_of(design: Design) -> Moments:
     products, counts = np.zeros((FOLDS, n, size + 1, size + 1)), np.zeros(FOLDS)
     for rows in design.rows:
         every = np.concatenate([columns(layout, rows), rows.effort[:, :, None]], axis=2)
-        for fold, part in enumerate(np.array_split(np.arange(len(every)), FOLDS)):
-            for joint in range(n):
-                block = every[part, joint]
-                products[fold, joint] += block.T @ block
-            counts[fold] += len(part)
+        parts = np.array_split(np.arange(len(every)), FOLDS)
+        for joint in range(n):
+            places = np.append(layout.of_joint(joint), size)
+            mine = np.ascontiguousarray(every[:, joint, places])
+            for fold, part in enumerate(parts):
+                block = mine[part[0] : part[-1] + 1] if len(part) else mine[:0]
+                products[fold, joint, places[:, None], places] += block.T @ block
+        counts += [len(part) for part in parts]
     dt = float(np.median([rows.dt for rows in design.rows]))
     return Moments(layout, products, counts, min(1.0, 2.0 * design.filtering.cutoff * dt))
