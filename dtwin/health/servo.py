@@ -12,11 +12,11 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from scipy import stats
 
 from dtwin.errors import IdentificationError
 from dtwin.measurements.measurement import Array, Measurement
 
-NINETY_FIVE: Final = 1.96
 _LONGEST_DELAY: Final = 0.5
 """Longest delay that is looked for, s."""
 _REST: Final = 0.3
@@ -159,17 +159,29 @@ def _rests(m: Measurement, q: Array, command: Array, travel: float) -> Iterator[
 
 
 def _mean(values: list[float]) -> Estimate | None:
+    """The mean of a few values and its interval by Student's distribution."""
     if not values:
         return None
-    spread = float(np.std(values, ddof=1)) / np.sqrt(len(values)) if len(values) > 1 else float("inf")
-    return Estimate(float(np.mean(values)), NINETY_FIVE * spread)
+    if len(values) < 2:
+        return Estimate(values[0], float("inf"))
+    spread = float(np.std(values, ddof=1)) / np.sqrt(len(values))
+    return Estimate(float(np.mean(values)), _student(len(values) - 1.0) * spread)
 
 
 def _difference(one: list[float], other: list[float]) -> Estimate | None:
+    """The difference of two means and its interval (Welch 1947)."""
     if min(len(one), len(other)) < _LEAST_RESTS:
         return None
-    spread = np.sqrt(np.var(one, ddof=1) / len(one) + np.var(other, ddof=1) / len(other))
-    return Estimate(float(np.mean(one) - np.mean(other)), float(NINETY_FIVE * spread))
+    parts = [float(np.var(values, ddof=1)) / len(values) for values in (one, other)]
+    free = [part**2 / (len(values) - 1) for part, values in zip(parts, (one, other), strict=True)]
+    degrees = sum(parts) ** 2 / max(sum(free), 1e-300)
+    half = _student(max(degrees, 1.0)) * float(np.sqrt(sum(parts)))
+    return Estimate(float(np.mean(one) - np.mean(other)), half)
+
+
+def _student(degrees: float) -> float:
+    """Half width of a 95 % interval in standard deviations that were themselves estimated."""
+    return float(stats.t.ppf(0.975, degrees))
 
 
 def _drift(rests: list[Rest]) -> Estimate | None:
@@ -202,6 +214,11 @@ def findings(measurement: Measurement, joints: list[JointHealth]) -> list[str]:
         "without currents nothing tells masses, friction, torque or temperature; the error at rest is gravity, "
         "friction, play and calibration together"
     )
+    if any(joint.delay is not None for joint in joints):
+        found.append(
+            f"delays count from row to row: when within a row command and position were read, up to "
+            f"{1e3 * measurement.step:.0f} ms, the log does not say"
+        )
     if measurement.episodes is None or len(np.unique(measurement.episodes)) < 2:
         found.append("one episode alone tells no drift")
     return found

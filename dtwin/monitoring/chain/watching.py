@@ -142,11 +142,13 @@ def watch(record: Record, arm: Arm, log: Measurement) -> Watched:
     seconds = float(sum(part.dt * len(part.t) for part in parts))
     changes: tuple[Change, ...] = ()
     left = [part.residual for part in parts]
-    moved = each >= _MOVING
-    if 2 * moved.sum() >= len(arm):
+    # What a change of friction or of a constant explains is no push, also where the motion is too short to tell it.
+    moved, long = each >= _BLOCK, each >= _MOVING
+    if moved.any():
         found, covariance = _fitted(parts, record, moved)
-        changes = tuple(_changes(record, arm, found, covariance, moved))
         left = [part.residual - part.columns @ found for part in parts]
+        if 2 * long.sum() >= len(arm):
+            changes = tuple(_changes(record, arm, found, covariance, long))
     pushes = [push for part, rest in zip(parts, left, strict=True) for push in _pushes(record, part, rest)]
     return Watched(seconds, moving, tuple(pushes), changes)
 
