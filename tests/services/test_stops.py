@@ -17,6 +17,9 @@ from dtwin.signals import ArmState, Stop
 from tests.support.ports import free_port
 from tests.support.waiting import connected, until
 
+KEY = b"k" * 32
+"""As in every cell that is started, each life of a service has a token of its own then: the bridge hears of a new one
+also when it comes before the bridge has heard of the end of the one before."""
 DEMAND = StopRequest("anna", "look at it", "failed")
 JUDGED: dict[ArmState, Stop] = {"failed": "standstill", "angles unknown": "torque off"}
 
@@ -54,7 +57,7 @@ class Emulator:
 
     def __init__(self, meet: str, latched: Latched) -> None:
         self.latch = Latch(latched, lambda changed: None)
-        self.bus = Bus(open_peer(meet))
+        self.bus = Bus(open_peer(meet), key=KEY)
         self.bus.answer(LATCH, LatchRequest, self._take, self._state)
         self.bus.announce("emulator")
 
@@ -98,7 +101,7 @@ class Cell:
 @pytest.fixture
 def cell() -> Iterator[Cell]:
     meet = f"tcp/127.0.0.1:{free_port()}"
-    with Bus(open_peer(meet)) as bridge, Bus(open_peer(meet)) as user:
+    with Bus(open_peer(meet), key=KEY) as bridge, Bus(open_peer(meet), key=KEY) as user:
         cell = Cell(meet, bridge, user)
         yield cell
         until(lambda: cell.stops.remind(), "the emulator answers")
