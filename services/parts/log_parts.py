@@ -18,6 +18,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+import pyarrow as pa
+
 from dtwin.errors import NoSpaceError, RecordingError
 from dtwin.files import NO_SPACE, ensure_writable
 from dtwin.logs.files import count_rows, is_log, join_logs
@@ -71,6 +73,8 @@ class Parts:
     """
 
     def __init__(self, path: Path) -> None:
+        # Arrow's own pool keeps what a merge has taken; the system's gives it back.
+        pa.set_memory_pool(pa.system_memory_pool())
         self._path = path
         self._folder = folder_of(path)
         self._waiting: deque[Log] = deque()
