@@ -10,7 +10,7 @@ import msgspec
 from dtwin.commissioning.stages import Stages
 from dtwin.controller.proposed import ProposedSettings
 from dtwin.identification.machine.judged import identify_machine, record_of
-from dtwin.identification.machine.load import Load, load_on
+from dtwin.identification.machine.load import Load, load_on, weighed
 from dtwin.identification.machine.record import Healthy, MachineRecord, SensorCheck
 from dtwin.identification.machine.sensors import check_sensors
 from dtwin.logs.belonging import check_belonging
@@ -113,6 +113,6 @@ def commission(
     progress("watching the arm")
     known = stages.result("monitor", Healthy, calibrated)
     return Commissioned(
-        msgspec.structs.replace(identification.record, settings=settings, healthy=known, load=load.scale),
+        msgspec.structs.replace(weighed(identification.record, load), settings=settings, healthy=known),
         identification,
     )

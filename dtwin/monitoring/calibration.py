@@ -10,6 +10,10 @@ most of them, but the threshold depends on the rare ones. So the choice is that 
 tenth of a plausible size most probably passes, within two seconds, the threshold that the healthy arm asks for, and
 what names it.
 
+What jaws push with as they close, and what the weight of a box does while it comes and goes, is first taken to be all
+that a box weighs on the outstretched arm. It is as much less as leaves the readings of those moments no farther off,
+in their standard deviations, than all others.
+
 The statistic of the signature bank is then observed over the whole log. How often a healthy arm passes which value,
 and how fast that gets rarer, tells from where on it is an alarm: peaks over a threshold with exponential excesses
 (Davison and Smith, J. Royal Statistical Society B 52, 1990).
@@ -24,6 +28,7 @@ from typing import Any, Final, NamedTuple
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import erfc, gammaincinv
 
 from dtwin.errors import ParameterError
@@ -31,7 +36,7 @@ from dtwin.identification.machine.record import LEARNED, Healthy, Learned, Machi
 from dtwin.monitoring.candidate import misfit_after
 from dtwin.monitoring.diagnosis import DECIDED
 from dtwin.monitoring.estimation.belief import Array, Belief, Tail, Unmodelled, commissioned
-from dtwin.monitoring.estimation.estimator import Estimator
+from dtwin.monitoring.estimation.estimator import HANDLING, TOUCHING, Estimator
 from dtwin.monitoring.estimation.kernels import swung
 from dtwin.monitoring.estimation.layout import ARM_NAMES, INDEX, MOVING, TORQUE
 from dtwin.monitoring.estimation.tuning import Tuning
@@ -44,6 +49,8 @@ from dtwin.monitoring.signatures import limits
 from dtwin.monitoring.tracking.samples import Tape
 from dtwin.parameters import GRAVITY, PERIOD, ArmParameters, Triple
 
+Flags = NDArray[np.bool_]
+
 SHARES: Final = (1.0, 0.6, 0.4, 0.25)
 """Shares of the root mean square of the torques that last. A few large torques are most of it."""
 MEMORIES: Final = (0.1, 0.3, 1.0)
@@ -54,6 +61,10 @@ DISPLACEMENTS: Final = (0.0, 2e-4, 5e-4, 1e-3)
 """Angles by which gears may move a link in a sample, rad, standard deviations."""
 STICKING: Final = (1.0, 0.5, 0.25)
 """Shares of the dry friction that may be in doubt near standstill."""
+PUSHES: Final = (0.5, 0.2, 0.1, 0.05)
+"""Shares of the torque of a box on the outstretched arm that may be all that acts while jaws close, or open."""
+FEWEST: Final = 5
+"""Boxes that tell so."""
 FIRST: Final = 6000
 """Samples that the torques are learned from."""
 TRIED: Final = 12000
@@ -113,6 +124,11 @@ def calibrated(belief: Belief, seen: Stream, progress: Callable[[str], None] = l
     error = _chosen(belief, seen.part(0, TRIED), progress)
     progress("watches the arm to learn it")
     learned = _after(replace(belief, error=error), seen)
+    learned = replace(learned, error=_pushed(learned, seen))
+    error = learned.error
+    progress(
+        f"up to {1e3 * error.pushing:.0f} mN m while jaws close, {1e3 * error.grip:.0f} mN m as a box comes or goes"
+    )
     progress("watches the arm as it has learned it")
     found = _watched(learned, seen)
     return replace(learned, tails=_tails(found.statistics), misfit=max(_FITS, _SPARE * found.misfit))
@@ -138,6 +154,7 @@ def watched(
         misfit=belief.misfit,
         learned={name: Learned(values[name], spread[name]) for name in LEARNED},
         duration=round(len(seen) * PERIOD, 2),
+        closing=error.closing,
     )
     return msgspec.structs.replace(record, healthy=healthy)
 
@@ -214,6 +231,60 @@ def _grip(arm: ArmParameters) -> float:
     return Tuning().box_mass * GRAVITY * sum(arm.get(f"l{joint}") for joint in (1, 2, 3))
 
 
+def _pushed(belief: Belief, seen: Stream) -> Unmodelled:
+    """What the model lacks, with the torques while jaws close, and while a box comes and goes, as they were seen."""
+    error, most, changes = belief.error, belief.error.grip, np.flatnonzero(np.diff(seen.gripped))
+    if len(changes) // 2 < FEWEST:
+        return error
+    # A command acts from its row to the next; an estimate takes a change for HANDLING samples from there.
+    closing = np.concatenate(([False], closes(seen.volts, seen.gripped)[:-1]))
+    handling = _after_each(changes, len(seen), 1, HANDLING + 3)
+    touching = _after_each(changes, len(seen), HANDLING + 3, TOUCHING) & ~(closing | handling)
+    others = ~(closing | handling | touching)
+    left: dict[str, tuple[Flags, ...]] = {"closing": (closing,), "grip": (handling, touching)}
+    for share in PUSHES:
+        off = _off(replace(belief, error=replace(error, closing=share * most, grip=share * most)), seen)
+        for name, parts in list(left.items()):
+            near = all(_as_near(off[rows], off[others]) for rows in parts)
+            if not (near and _as_calm(off[parts[0]], off[others])):
+                del left[name]
+        seen_to_push: dict[str, Any] = dict.fromkeys(left, share * most)
+        error = replace(error, **seen_to_push)
+        if not left:
+            break
+    return error
+
+
+def _after_each(rows: NDArray[np.int64], count: int, start: int, stop: int) -> Flags:
+    """The rows from `start` to `stop` - 1 after each of some, (count,)."""
+    found = np.zeros(count, dtype=bool)
+    for row in rows.tolist():
+        found[row + start : row + stop] = True
+    return found
+
+
+def _off(belief: Belief, seen: Stream) -> Array:
+    """By how many standard deviations every reading is off, (N, 3); not a number where it tells nothing."""
+    monitor, tape, done = _calm(belief), Tape.of(len(seen)), 0
+    while done < len(seen):
+        done += seen.follow(monitor, done, len(seen), tape)
+    off = np.where(tape.used, tape.innovation / np.sqrt(tape.variance), np.nan)
+    off[:SETTLING] = np.nan
+    return off
+
+
+def _as_calm(some: Array, others: Array) -> bool:
+    """Whether the mean square of some readings is no more than that of others, of every joint."""
+    with np.errstate(invalid="ignore"):
+        squares = [np.nansum(each**2, axis=0) / np.isfinite(each).sum(axis=0) for each in (some, others)]
+    return bool((squares[0] <= squares[1]).all())
+
+
+def _as_near(some: Array, others: Array) -> bool:
+    """Whether some readings are no farther off than others at most."""
+    return float(np.nanmax(np.abs(some), initial=0.0)) <= float(np.nanmax(np.abs(others), initial=0.0))
+
+
 class _Lacking(NamedTuple):
     """Root mean squares of the torques that last, (3,), N m, and the angles by which the gears swing on average after
     jumps of the torque, (3,), rad/(N m)."""
@@ -240,7 +311,7 @@ def _pass(belief: Belief, seen: Stream) -> _Lacking:
             followed, swing = 0, np.zeros(3)
         elif followed >= 0:
             volts, gripped = seen.volts[row - 1], bool(seen.gripped[row - 1])
-            doubt = belief.error.grip if closes(volts, gripped) else 0.0
+            doubt = belief.error.pushing if closes(volts, gripped) else 0.0
             estimator.predict(volts[:3], gripped, doubt)
             estimator.correct(seen.measured[row], np.ones(3, dtype=bool))
             followed += 1

@@ -103,7 +103,7 @@ class Monitor:
             self._restart(sample, measured, gripped, gap)
         else:
             self.missed += gap - 1
-            commands = commands_between(track.command, volts, gap, track.gripped, self._belief.error.grip)
+            commands = commands_between(track.command, volts, gap, track.gripped, self._belief.error.pushing)
             for step, (command, doubt) in enumerate(commands, 1):
                 track.sample += 1
                 self._step(angles, step == gap, command, doubt)

@@ -26,6 +26,8 @@ _SCALES: Final = (0.7, 1.4)
 """More than the tolerances of a data sheet."""
 _EXACT: Final = 0.002
 """By how much the scale may be off."""
+FITTING: Final = 0.15
+"""By how much the scale may differ from 1: three times what the tolerances of the data sheet leave open."""
 
 
 class Load(msgspec.Struct, frozen=True):
@@ -62,6 +64,24 @@ def load_on(record: MachineRecord, log: Log) -> Load:
     )
     inside = _SCALES[0] + 2.0 * _EXACT < found.x < _SCALES[1] - 2.0 * _EXACT
     return Load(float(found.x) if inside else None)
+
+
+def weighed(record: MachineRecord, load: Load) -> MachineRecord:
+    """The record with what a box is on its machine, and with the grade that it deserves after that.
+
+    Numbers that share a wrong factor predict motion without a box as well as the right ones. Where boxes tell that
+    they do, the numbers are approximate at most.
+    """
+    found = msgspec.structs.replace(record, load=load.scale)
+    if load.scale is None or abs(load.scale - 1.0) <= FITTING:
+        return found
+    usual = 1e3 * USUAL_BOX
+    remark = (
+        f"a box of {usual:.0f} g moves on these numbers like one of {load.scale * usual:.0f} g: masses of the data"
+        " sheet are wrong, and the numbers share that factor, or the boxes weigh something else"
+    )
+    grade = "approximate" if record.grade == "identified" else record.grade
+    return msgspec.structs.replace(found, grade=grade, remarks=[*record.remarks, remark])
 
 
 def _misfit(vector: Array, noise: Array, segments: list[Experiment], scale: float) -> float:

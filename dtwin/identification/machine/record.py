@@ -82,6 +82,8 @@ class Healthy(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         misfit: mean square of some innovations in standard deviations that it has not passed.
         learned: what parameters and offsets of encoders came to be while it was watched.
         duration: how long the machine was watched, s.
+        closing: standard deviation of torques while jaws close that hold no box yet, N m; None in records of before
+            they were watched, where it is that of `grip`.
     """
 
     slow: tuple[NotNegative, NotNegative, NotNegative]
@@ -94,6 +96,7 @@ class Healthy(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     misfit: NotNegative
     learned: dict[str, Learned]
     duration: NotNegative
+    closing: NotNegative | None = None
 
 
 class EncoderCheck(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -45,6 +45,7 @@ class Unmodelled:
         memory: time after which a share of 1/e of the latter is left, s.
         grip: standard deviation of those that are new in every sample while a box is gripped or let go, N m: the jaws
             push the arm, and the weight does not come and go in one sample.
+        closing: the same while jaws close that hold no box yet, N m; that of `grip` where nobody has watched them.
         displacement: standard deviation of the angle by which gears that yield or have play move a link in a sample
             without any torque, rad.
         compliance: (3,), angle by which the gears swing after a torque of the motor has jumped, rad/(N m), as a
@@ -64,11 +65,12 @@ class Unmodelled:
     compliance: Triple = (0.0, 0.0, 0.0)
     stick: float = 1.0
     timing: float = 0.0
+    closing: float | None = None
 
     def __post_init__(self) -> None:
-        torques = (*self.white, *self.slow, self.grip)
+        torques = (*self.white, *self.slow, self.grip, self.pushing)
         if not (min(torques) >= 0.0 and math.isfinite(sum(torques))):
-            raise ParameterError(f"white, slow, grip: expected finite torques of at least 0, got {torques}")
+            raise ParameterError(f"white, slow, grip, closing: expected finite torques of at least 0, got {torques}")
         if not 0.0 < self.memory < math.inf:
             raise ParameterError(f"memory: expected a time above 0 s, got {self.memory}")
         angles = (self.displacement, *self.compliance)
@@ -78,6 +80,11 @@ class Unmodelled:
             raise ParameterError(f"timing: expected a time of at least 0 s, got {self.timing}")
         if not 0.0 <= self.stick <= 1.0:
             raise ParameterError(f"stick: expected 0 to 1, got {self.stick}")
+
+    @property
+    def pushing(self) -> float:
+        """Standard deviation of the torques in a sample in which jaws close, N m."""
+        return self.grip if self.closing is None else self.closing
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,6 +230,7 @@ def commissioned(record: MachineRecord) -> Belief:
             compliance=known.compliance,
             stick=known.stick,
             timing=timing,
+            closing=known.closing,
         ),
         tails={fault: Tail(tail.level, tail.rate, tail.excess) for fault, tail in known.tails.items()},
         misfit=known.misfit,

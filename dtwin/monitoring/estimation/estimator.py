@@ -50,7 +50,7 @@ _OWN: Final = (
 """what changes in place, of which a copy needs its own"""
 HANDLING: Final = 10
 """samples in which the jaws push the arm and the weight of a box comes or goes, after the gripper has changed"""
-_TOUCHING: Final = 100
+TOUCHING: Final = 100
 """samples after which the arm has left a box let go that lies at a finger, or has taken along one that it gripped"""
 _JOLT: Final = 0.5
 """standard deviation of the joints' speeds after one of them was locked, relative to the speed it had"""
@@ -327,7 +327,7 @@ class Estimator:
         self._make_certain(INDEX[name], 0.0)
         if name == "payload":
             self.box_mass = self.payload_variance = 0.0
-            self.handling[:] = HANDLING, _TOUCHING, np.nan, np.nan, np.nan
+            self.handling[:] = HANDLING, TOUCHING, np.nan, np.nan, np.nan
 
     def expect_boxes(self) -> None:
         """Takes the next boxes to be as boxes should be."""
@@ -392,7 +392,7 @@ class Estimator:
     def _hold(self, gripped: bool) -> None:
         """A box is gripped or let go: of what is held now, only the prior is known."""
         if gripped != self.gripped:
-            self.handling[1:] = _TOUCHING, *(self.x[:W] if gripped else (np.nan,) * 3)
+            self.handling[1:] = TOUCHING, *(self.x[:W] if gripped else (np.nan,) * 3)
         self.gripped = gripped
         self._make_certain(PAYLOAD, self.box_mass if gripped else 0.0)
         self.P[PAYLOAD, PAYLOAD] = self.payload_variance if gripped else 0.0

@@ -35,9 +35,14 @@ def commands_between(
         yield command[:3], guessed + (grip if closes(command, gripped) else 0.0)
 
 
-def closes(command: Array, gripped: bool) -> NDArray[np.bool_]:
-    """Whether the jaws close under commands, (..., 4) V, that hold no box yet: what they close on pushes the arm."""
-    found: NDArray[np.bool_] = (command[..., 3] < 0.0) & (not gripped)
+def closes(command: Array, gripped: bool | NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Whether the jaws close under commands, (..., 4) V, that hold no box yet: what they close on pushes the arm.
+
+    Args:
+        command: commands, that of the gripper last.
+        gripped: whether each of them holds a box, one value for all or (...).
+    """
+    found: NDArray[np.bool_] = (command[..., 3] < 0.0) & np.logical_not(gripped)
     return found
 
 

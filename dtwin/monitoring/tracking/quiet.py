@@ -111,7 +111,7 @@ def follow(
         threshold,
         doubted,
         estimator.gripped,
-        estimator.belief.error.grip,
+        estimator.belief.error.pushing,
         estimator.arrays(),
         estimator.motion_arrays(),
         readings.arrays(),

@@ -40,5 +40,6 @@ class Recall:
                 used[joint] = True
                 likelihood += estimator.weigh(joint)
                 bank.recall(estimator, joint, sample - 2)
-            moments.replace_last(moment._replace(used=used, likelihood=likelihood))
+            # What doubt about the motion does not explain counts, as that doubt is in how far off the reading was.
+            moments.replace_last(moment._replace(used=used, likelihood=likelihood, counts=True))
         self._sample = sample if readings.left_out.any() else -1

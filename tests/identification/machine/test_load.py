@@ -7,7 +7,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from dtwin.identification.machine.load import load_on
+from dtwin.identification.machine.load import Load, load_on, weighed
 from dtwin.identification.machine.record import USUAL_BOX, MachineRecord
 from dtwin.logs.log import Log
 from dtwin.twin.effects import NO_EFFECTS
@@ -45,3 +45,18 @@ def test_boxes_of_another_kind_tell_nothing(work: Log) -> None:
 def test_work_without_boxes_tells_nothing(work: Log) -> None:
     none = {"box_gripped": np.zeros(len(work), bool)}
     assert load_on(recorded(NO_EFFECTS), replace(work, columns={**work.columns, **none})).scale is None
+
+
+@pytest.mark.parametrize(("scale", "grade"), [(0.72, "approximate"), (0.95, "identified"), (1.28, "approximate")])
+def test_a_scale_beyond_the_data_sheet_is_told_and_costs_the_grade(scale: float, grade: str) -> None:
+    record = msgspec.structs.replace(recorded(NO_EFFECTS), grade="identified")
+    found = weighed(record, Load(scale))
+    assert (found.grade, found.load) == (grade, scale)
+    told = [remark for remark in found.remarks if f"like one of {200 * scale:.0f} g" in remark]
+    assert len(told) == (grade != "identified")
+
+
+def test_a_scale_makes_no_grade_better() -> None:
+    record = msgspec.structs.replace(recorded(NO_EFFECTS), grade="unusable")
+    assert weighed(record, Load(1.3)).grade == "unusable"
+    assert weighed(record, Load(None)).grade == "unusable"
