@@ -43,7 +43,8 @@ def project_of(file: Path, given: Iterable[Path] = ()) -> Path:
 def linked_folders(project: Path) -> tuple[Path, ...]:
     """The folders that a project links to or needs and that are there, in the order of its files; none without any.
 
-    A library in a workspace's folder `.lib` names others that it needs in `MANIFEST.MF`; they are beside it. Links of
+    A library in a workspace's folder `.lib` names others that it needs in `MANIFEST.MF`, which are beside it; one
+    that names none may need all of them. Links of
     a `.project` begin with a variable of Eclipse: WORKSPACE_LOC is taken for the folder around the project, and
     ECLIPSE_HOME is the environment's variable of that name, the folder of 4diac IDE. Others are left out, as are
     links that lead upwards.
@@ -62,9 +63,13 @@ def linked_folders(project: Path) -> tuple[Path, ...]:
 
 
 def _needed_folders(library: Path) -> tuple[Path, ...]:
-    """The libraries beside one in `.lib` that it needs, and those that they need."""
+    """The libraries beside one in `.lib` that it needs, and those that they need; all when it does not say."""
     if library.resolve().parent.name != ".lib":
         return ()
+    manifest = library.resolve() / MANIFEST
+    if not manifest.is_file() or read_xml(manifest).child("Dependencies") is None:
+        # what is loaded into one project finds all of its types there
+        return tuple(sorted(each for each in library.resolve().parent.iterdir() if (each / MANIFEST).is_file()))
     found: dict[Path, None] = {}
     waiting = [library.resolve()]
     while waiting:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import lru_cache
-from typing import TypeVar
+from typing import Final, TypeVar
 
 from iec61499 import model
 from iec61499.errors import FunctionBlockError
@@ -44,6 +44,22 @@ def resolve(netlist: Netlist) -> None:
         types = groups.types_of(number)
         node.take(_concrete(node.declared, tuple(types.items())))
         node.parameters = {name: _fitted(node, given, types.get(name)) for name, given in node.literals.items()}
+    for wire in netlist.data.values():
+        _give_text_type(netlist.nodes, wire.source, wire.destination)
+        _give_text_type(netlist.nodes, wire.destination, wire.source)
+
+
+TEXTS: Final = ("ID", "PARAMS", "STATUS")
+"""Texts of the standard services, which are WSTRING in 4diac 1 and in a 4diac FORTE built with that type for them."""
+
+
+def _give_text_type(nodes: Mapping[int, Node], port: Terminal, other: Terminal) -> None:
+    """Makes a text of a standard service a WSTRING when it is connected to one."""
+    node, block = nodes[port.node], nodes[port.node].type
+    if port.name not in TEXTS or not isinstance(block, model.ServiceInterfaceFBType) or block.header.file:
+        return
+    if node.variables[port.name].type == STRING and nodes[other.node].variables[other.name].type == WSTRING:
+        node.take(_concrete(block, ((port.name, WSTRING),)))
 
 
 def _fitted(node: Node, given: model.Parameter, kind: DataType | None) -> model.Parameter:

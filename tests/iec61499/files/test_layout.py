@@ -16,7 +16,9 @@ from iec61499.st import ast
 from iec61499.st.parser import parse_algorithm
 from iec61499.st.printer import print_algorithm
 from tests.support.examples import examples
+from tests.support.iec61499.counter import write_counter
 from tests.support.iec61499.st_programs import programs
+from tests.support.iec61499.surveys import formatting
 
 BEFORE = """ALGORITHM a
 VAR x,y:INT:=5; z : ARRAY[0..3] of REAL; END_VAR
@@ -151,3 +153,19 @@ def test_files_are_formatted_checked_or_left(tmp_path: Path, capsys: pytest.Capt
     assert "files: 2, changed: 1, left as they are: 1" in said
     assert good.read_text() == "<FBType><ST><![CDATA[a := 1;]]></ST></FBType>"
     assert main(["fb", "format", "--check", str(good)]) == 0
+
+
+def test_the_survey_counts_what_came_of_foreign_types(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_counter(tmp_path)
+    (tmp_path / "wrong.fbt").write_text("<FBType")
+    text = (tmp_path / "COUNTER.fbt").read_text().replace("CV := 0;", "cv:=0; IF")
+    (tmp_path / "left.fbt").write_text(text)
+    monkeypatch.setattr("sys.argv", ["format-survey", str(tmp_path)])
+    assert formatting.main() == 0
+    said = capsys.readouterr().out
+    assert "types: 2" in said
+    assert "texts left as they are: 1" in said
+    assert "no XML: 1" in said
+    assert "wrong: 0" in said

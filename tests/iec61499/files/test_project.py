@@ -180,6 +180,19 @@ def test_a_library_has_the_types_of_those_that_it_needs_beside_it(tmp_path: Path
     assert [finding.rule for finding in check([file], None, "embedded", Settings())] == []
 
 
+def test_a_library_that_names_none_has_those_of_all_beside_it(tmp_path: Path) -> None:
+    libraries = tmp_path / ".lib"
+    for name in ("io-3.0.0", "adapter-3.0.0"):
+        (libraries / name / "typelib").mkdir(parents=True)
+        (libraries / name / "MANIFEST.MF").write_text("<Manifest/>")
+    (libraries / "notes").mkdir()
+    (libraries / "adapter-3.0.0" / "typelib" / "AX.adp").write_text(AX)
+    file = libraries / "io-3.0.0" / "typelib" / "USER.fbt"
+    file.write_text(USER)
+    assert linked_folders(project_of(file)) == (libraries / "adapter-3.0.0", libraries / "io-3.0.0")
+    assert check([file], None, "embedded", Settings()) == []
+
+
 def test_a_file_in_no_project_has_the_types_of_the_folder_given(tmp_path: Path) -> None:
     (tmp_path / "types").mkdir()
     (tmp_path / "adapters").mkdir()

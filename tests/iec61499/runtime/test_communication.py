@@ -284,3 +284,18 @@ def test_a_channel_that_cannot_be_opened() -> None:
     resource.reset()
     resource.start()
     assert len(transport.ports) == 2
+
+
+def test_texts_of_services_are_wide_where_they_are_connected_to_wide_ones() -> None:
+    blocks = "ID: WSTRING2WSTRING; SEND: PUBLISH_1; SAID: WSTRING2WSTRING; X: INT2INT; GET: SUBSCRIBE_1; Y: INT2INT"
+    data = "ID.OUT -> SEND.ID; SEND.STATUS -> SAID.IN; X.OUT -> SEND.SD_1; GET.RD_1 -> Y.IN"
+    drawn = network(blocks, "ID.CNF -> SEND.INIT; SEND.INITO -> SAID.REQ; X.CNF -> SEND.REQ; GET.IND -> Y.REQ", data)
+    resource = Resource(drawn, Types())
+    for name, value in (("GET.ID", "loc[a]"), ("GET.QI", True), ("SEND.QI", True), ("ID.IN", "loc[a]"), ("X.IN", 7)):
+        resource.write(name, value)
+    for event in ("GET.INIT", "ID.REQ", "X.REQ"):
+        resource.trigger(event)
+        resource.run_until_idle()
+    assert (resource.read("SAID.OUT"), resource.read("Y.OUT")) == ("OK", 7)
+    assert str(resource.variable_type("SEND.STATUS")) == "WSTRING"
+    assert str(resource.variable_type("GET.STATUS")) == "STRING"

@@ -147,3 +147,8 @@ def test_types_of_expressions(expression: str, type_name: str) -> None:
 )
 def test_conversions_that_do_not_exist(name: str) -> None:
     assert conversion(name) is None
+
+
+def test_calls_of_own_algorithms_are_refused_by_name() -> None:
+    with pytest.raises(FunctionBlockError, match="by THIS are not supported"):
+        check_algorithm(parse_algorithm("this.RST();"), {}, set())

@@ -123,3 +123,9 @@ def test_what_is_measured_computes_the_same_and_keeps_its_lines(tmp_path: Path) 
     before = [len(algorithm.source.text.split("\n")) for algorithm in plain.algorithms]
     after = [len(algorithm.source.text.split("\n")) for algorithm in measured.algorithms]
     assert after[: len(before)] == before
+
+
+def test_a_reader_that_goes_away_ends_the_command_quietly(tmp_path: Path) -> None:
+    command = f"{sys.executable} -m iec61499.cli --help 2> {tmp_path / 'errors'} | true"
+    subprocess.run(command, shell=True, timeout=120, check=True)
+    assert (tmp_path / "errors").read_text() == ""
