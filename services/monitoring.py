@@ -55,7 +55,7 @@ from dtwin.monitoring.tracking.samples import Samples
 from dtwin.parameters import ArmParameters, Triple
 from dtwin.run.options import CellFileOption
 from dtwin.services.parts.readiness.preparation import prepare
-from dtwin.services.parts.stopping.demands import Demands
+from dtwin.services.parts.stopping.demands import Demands, Failure
 from dtwin.services.service import Link, Service, main
 from dtwin.signals import Event, EventKind, Sensors, Voltages, of_monitor
 
@@ -222,7 +222,7 @@ class Monitoring:
         if news and self._demands is not None:
             self._demands.stand(frozenset(monitor.findings.current))
             for finding in monitor.findings.history[self._confirmed :]:
-                self._demands.failed(finding)
+                self._demands.failed(Failure.of(finding))
         self._confirmed = len(monitor.findings.history)
         return bool(news)
 

@@ -16,8 +16,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
+from dtwin.bus.chain.messages import JointTicks
 from dtwin.bus.messages import (
     EVENTS,
+    JOINT_TICKS,
     MONITORING,
     REMEMBERED,
     STATUS,
@@ -227,6 +229,7 @@ class Supervisor:
         if MONITORING.sender in self._children:
             bus.subscribe(MONITORING, MonitoringVerdict, self._note_verdict)
             bus.subscribe(TICKS, PassedTicks, self._note_ticks)
+            bus.subscribe(JOINT_TICKS, JointTicks, self._note_ticks)
         bus.answer(SUMMARY, SummaryRequest, None, self.summary)
 
     def start(self) -> None:
@@ -321,7 +324,7 @@ class Supervisor:
     def _note_verdict(self, verdict: MonitoringVerdict) -> None:
         self._opinion.take(verdict, time.monotonic())
 
-    def _note_ticks(self, passed: PassedTicks) -> None:
+    def _note_ticks(self, passed: PassedTicks | JointTicks) -> None:
         self._opinion.sample(passed.ticks[-1].sensors.time, time.monotonic())
 
 
@@ -330,6 +333,9 @@ def in_words(verdict: MonitoringVerdict) -> str:
     if not is_known(verdict):
         return "unknown: the monitor is silent"
     units = {name: unit for name, unit in verdict.units.items() if unit.state != "nominal"}
+    first, *others = verdict.units.values()
+    if others and first.state != "nominal" and all(unit == first for unit in others):
+        return f"{first.state}, {first.text}"
     wrong = (f"{name} {unit.state}" + (f", {unit.text}" if unit.text else "") for name, unit in units.items())
     return "; ".join(wrong) or "nominal"
 

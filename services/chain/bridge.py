@@ -9,6 +9,7 @@ from __future__ import annotations
 import logging
 import sys
 import threading
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
@@ -22,6 +23,7 @@ from dtwin.errors import CommunicationError
 from dtwin.run.chain import ChainSettings
 from dtwin.services.chain.options import ArmCellOptions
 from dtwin.services.parts.stopping.stops import Stops
+from dtwin.services.parts.stopping.watchdog import Watchdog
 from dtwin.services.parts.strides import GAP
 from dtwin.services.service import Link, Service, main
 from dtwin.signals import STOPS, ArmState, Event, EventKind, Stop
@@ -42,11 +44,13 @@ class Options(ArmCellOptions, Link):
 
     lossless: bool = False
     """Wait for slow subscribers, as a lockstep run wants it."""
+    monitored: float | None = None
+    """Longest silence of the monitoring service while the arm moves, s; then the arm is stopped."""
 
     def run(self) -> int:
         settings = self.settings()
         with Service(NAME, self) as service:
-            ArmBridge(service, settings, self.lossless).run()
+            ArmBridge(service, settings, self.lossless, self.monitored).run()
         return 0
 
 
@@ -57,9 +61,12 @@ class ArmBridge:
         service: frame of this service.
         settings: run of the arm, with what its controller knows of it.
         lossless: whether to wait for slow subscribers.
+        monitored: longest silence of the monitoring service while the arm moves, s; None if it needs no monitor.
     """
 
-    def __init__(self, service: Service, settings: ChainSettings, lossless: bool) -> None:
+    def __init__(
+        self, service: Service, settings: ChainSettings, lossless: bool, monitored: float | None = None
+    ) -> None:
         bus = service.bus
         self._service = service
         self._settings = settings
@@ -74,6 +81,7 @@ class ArmBridge:
         bus.subscribe(EVENTS, Event, self._note)
         bus.subscribe(JOINT_SENSORS, JointSensors, service.inbox.put)
         self._stops = Stops(bus, self._publish.sender, lambda: self._blocks, self._time)
+        self._watchdog = None if monitored is None else Watchdog(bus, monitored, self._stops.demand)
 
     def run(self) -> None:
         """Works until it is asked to end."""
@@ -84,6 +92,8 @@ class ArmBridge:
             if sample is not None:
                 with self._stops.answering:
                     self._answer(sample)
+            if self._watchdog is not None:
+                self._watchdog.look(self._time(), self._answered, self._stops.stop != "none", time.monotonic())
             if service.report_due():
                 stopped = self._stops.stop != "none"
                 state: State = "waiting" if not self._stops.known else "stopped" if stopped else "running"

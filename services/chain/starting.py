@@ -5,6 +5,7 @@ Like the supervisor, this loads no MuJoCo: what needs it to check an option runs
 
 from __future__ import annotations
 
+import math
 import sys
 from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
@@ -17,10 +18,13 @@ from dtwin.services.supervisor import Program
 THESIS: Final = "thesis"
 ENDINGS: Final = (".toml", ".urdf", ".xml", ".mjcf")
 """Of the files that an arm is read from: its own, and those of dtwin.arm.file.MODELS, which loads numpy."""
+LEAST_HEALTHY: Final = 10.0
+"""Shortest time in which an arm is learned, s."""
 KNOWN: Final = frozenset(
     {
         *("arm", "cell_file", "machine", "poses", "path", "sort", "late", "seed", "fault"),
         *("pace", "duration", "log", "cell", "zenoh", "detach", "json"),
+        *("monitoring", "safe_stop", "silence", "healthy"),
     }
 )
 """Options of `dtwin up` that mean something for any arm."""
@@ -38,6 +42,8 @@ class OtherArmOptions:
     """TOML file of a sorting task for another arm (docs/arms.md)."""
     late: int = 0
     """Ticks from a command until it acts, for another arm."""
+    healthy: float | None = None
+    """With --monitoring: time in which another arm is healthy and is learned, s; 60 if not given."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,10 +87,15 @@ def other_arm(options: Any) -> OtherArm | None:
         assert found is not None
         given = {name: getattr(found, name) for name in ("arm", "machine", "poses", "path", "sort", "late", "faults")}
     elif not is_other(options.arm):
-        if options.late or any(each is not None for each in (options.poses, options.path, options.sort)):
-            raise ParameterError("--poses, --path, --sort, --late: expected --arm with another arm than the thesis's")
+        given_others = any(each is not None for each in (options.poses, options.path, options.sort, options.healthy))
+        if options.late or given_others:
+            raise ParameterError(
+                "--poses, --path, --sort, --late, --healthy: expected --arm with another arm than the thesis's"
+            )
         return None
     _refuse_others(options)
+    if options.healthy is not None and not (options.monitoring and LEAST_HEALTHY <= options.healthy < math.inf):
+        raise ParameterError(f"--healthy: expected --monitoring beside it, and at least {LEAST_HEALTHY:g} s")
     task = {name: getattr(options, name) for name in ("poses", "path", "sort")}
     if any(each is not None for each in task.values()):
         given |= task
@@ -112,6 +123,12 @@ def programs_of(other: OtherArm, options: Any, link: list[str]) -> list[Program]
     if options.log:
         programs.append(_service("recorder", [*link, *other.words, "--log", str(options.log.resolve())]))
         waits = ["--wait-for", "recorder"]
+    if options.monitoring:
+        stop = ["--safe-stop"] if options.safe_stop else []
+        healthy = [] if options.healthy is None else ["--healthy", str(options.healthy)]
+        programs.append(_service("monitoring", [*link, *other.words, *healthy, *stop]))
+    if options.safe_stop:  # The arm does not move before it is watched.
+        waits += ["--monitored", str(options.silence), "--wait-for", "monitoring"]
     programs.append(_service("bridge", [*link, *other.words, *lossless, *waits]))
     emulator = [*link, *other.words, "--pace", options.pace, "--wait-for", "bridge"]
     emulator += [] if options.duration is None else ["--duration", str(options.duration)]

@@ -10,9 +10,11 @@ import pyarrow.parquet as pq
 
 from dtwin.arm.file import MODELS
 from dtwin.bus.chain.messages import JointSensors
-from dtwin.bus.messages import JOINT_SENSORS
+from dtwin.bus.messages import EVENTS, FAULT, JOINT_SENSORS, MONITORING, Done, FaultRequest
+from dtwin.bus.twin_messages import MonitoringVerdict
 from dtwin.services.chain.starting import ENDINGS
 from dtwin.services.runfile import join
+from dtwin.signals import Event
 from tests.run.test_chain_sorting import TASK
 from tests.support.desk import Desk
 from tests.support.waiting import until
@@ -63,3 +65,28 @@ def test_an_arm_in_real_time_is_watched_stopped_released_and_outlives_its_servic
     assert "down" in desk.run("down")
     t = np.asarray(pq.read_table(log)["t"])
     assert np.allclose(np.diff(t), 0.01), "no tick is missing, whatever was killed"
+
+
+def test_the_monitor_of_another_arm_learns_it_names_a_fault_and_has_it_stopped(desk: Desk) -> None:
+    words = ["--arm", "planar-2r", "--machine", "7", "--pace", "lockstep", "--healthy", "15"]
+    assert "--monitoring beside it" in desk.run("up", *words, status=2)
+    desk.detach(*words, "--monitoring", "--safe-stop")
+    verdicts: list[MonitoringVerdict] = []
+    events: list[Event] = []
+    with join("cell") as bus:
+        bus.subscribe(MONITORING, MonitoringVerdict, verdicts.append)
+        bus.subscribe(EVENTS, Event, events.append)
+        until(lambda: verdicts and verdicts[-1].units["joint 1"].state == "nominal", "the arm is known", 60.0)
+        assert list(verdicts[-1].units) == ["joint 1", "joint 2", "tool"]
+        assert desk.summary()["verdict"] == "nominal"
+        bus.ask(FAULT, FaultRequest(("K1*=0.6@0",)), Done)
+        until(lambda: any(event.kind == "monitor_failed" for event in events), "the fault is told", 60.0)
+        until(lambda: verdicts[-1].findings, "so does the verdict")
+        unit = verdicts[-1].units["joint 1"]
+        assert (unit.state, unit.parameter, unit.settled) == ("failed", "K1", True)
+        assert abs(unit.size + 0.4) < 0.1
+        until(lambda: any(event.kind == "monitor_stop" for event in events), "a stop is asked for")
+        assert "drive of shoulder" in desk.run("status")
+        assert "no finding 'K2': expected K1" in desk.run("monitor", "acknowledge", "K2", status=2)
+        assert "joint 1   not commissioned" in desk.run("monitor", "acknowledge", "K1")
+    assert desk.run("release").startswith("none")

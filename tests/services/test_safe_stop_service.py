@@ -30,7 +30,7 @@ from dtwin.bus.session import Bus
 from dtwin.bus.twin_messages import MonitoringResiduals, MonitoringVerdict
 from dtwin.errors import CommunicationError
 from dtwin.monitoring.verdict import Finding
-from dtwin.services.parts.stopping.demands import Demands
+from dtwin.services.parts.stopping.demands import Demands, Failure
 from dtwin.services.runfile import join
 from dtwin.signals import Event, Sensors
 from tests.support.bus import noting
@@ -179,10 +179,10 @@ def test_a_demand_is_made_until_it_is_answered_once() -> None:
         bridge.subscribe(EVENTS, Event, events.append)
         demands = Demands(monitor)
         demands.stand(frozenset({"K2", "freeze1"}))
-        demands.failed(FOUND)
+        demands.failed(Failure.of(FOUND))
         bridge.answer(STOP, StopRequest, noting(asked, StopState(45.3, "braking")))
         until(lambda: asked, "the demand is made")
-        demands.failed(FROZEN)
+        demands.failed(Failure.of(FROZEN))
         until(lambda: len(events) == 2, "both answers are told")
     assert [(request.state, request.confidence) for request in asked if request] == [
         ("failed", 1.0),
@@ -197,8 +197,8 @@ def test_no_demand_is_made_for_a_failure_that_is_over() -> None:
     with Bus(open_peer(meet)) as monitor, Bus(open_peer(meet)) as bridge:
         demands = Demands(monitor)
         demands.stand(frozenset({"freeze1"}))
-        demands.failed(FOUND)
-        demands.failed(FROZEN)
+        demands.failed(Failure.of(FOUND))
+        demands.failed(Failure.of(FROZEN))
         bridge.answer(STOP, StopRequest, noting(asked, StopState(46.3, "torque off")))
         until(lambda: asked, "the demand is made")
     assert [request.state for request in asked if request] == ["angles unknown"]
@@ -213,7 +213,7 @@ def test_the_torque_is_taken_off_when_the_blocks_do_not_answer_for_too_long() ->
         emulator.answer(LATCH, LatchRequest, noting(asked, LatchState(47.1, 1, "torque off")))
         demands = Demands(monitor, patience=0.0)
         demands.stand(frozenset({"K2"}))
-        demands.failed(FOUND)
+        demands.failed(Failure.of(FOUND))
         until(lambda: events, "the second way is told")
     assert [request.stop for request in asked if request] == ["torque off"]
     assert (events[0].kind, events[0].time) == ("monitor_stop", 47.1)

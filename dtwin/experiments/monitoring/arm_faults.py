@@ -11,7 +11,8 @@ from dtwin.arm.chain import Arm
 from dtwin.campaign.spread import Progress
 from dtwin.emulation.chain.faults import ChainFault, Kind
 from dtwin.experiments.report import Report
-from dtwin.monitoring.chain.sequential import HEALTHY, ChainFinding, first_fault
+from dtwin.monitoring.chain.finding import ChainFinding
+from dtwin.monitoring.chain.sequential import HEALTHY, first_fault
 from dtwin.run.arm_cell import ArmCell
 from dtwin.run.chain import ChainSettings, run
 

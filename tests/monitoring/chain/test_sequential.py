@@ -9,7 +9,9 @@ import pytest
 from dtwin.cli import main
 from dtwin.emulation.chain.faults import parse_chain_fault
 from dtwin.errors import FaultError, RecordingError
-from dtwin.monitoring.chain.sequential import ChainFinding, first_fault
+from dtwin.monitoring.chain.finding import ChainFinding
+from dtwin.monitoring.chain.monitor import SHOWN, ArmMonitor
+from dtwin.monitoring.chain.sequential import first_fault
 from dtwin.run.arm_cell import ArmCell
 from dtwin.run.chain import ChainSettings, run
 
@@ -45,6 +47,41 @@ def test_a_fault_is_noticed_soon_and_its_cause_is_among_those_that_are_told(faul
     assert told is not None
     assert 0.0 <= told.time - BEGIN <= 3.0
     assert cause in (told.cause, *told.others)
+
+
+def test_a_monitor_that_takes_samples_as_they_come_finds_what_is_found_in_the_whole_log() -> None:
+    ran = run(replace(SETTINGS, faults=(parse_chain_fault("K1*=0.8@38", 2),)))
+    told = first_fault(SETTINGS.arm, ran.t, ran.q, ran.target, ran.effort, HEALTHY)
+    monitor = ArmMonitor(SETTINGS.arm, HEALTHY)
+    states = []
+    for first in range(0, len(ran.t), 17):
+        part = slice(first, first + 17)
+        monitor.follow(ran.t[part], ran.q[part], ran.target[part], ran.effort[part])
+        states.append(monitor.verdict().units["joint 1"].state)
+    assert told is not None
+    assert monitor.finding is not None
+    assert (monitor.finding.time, monitor.finding.cause) == (told.time, told.cause)
+    assert monitor.finding.size == pytest.approx(told.size, rel=1e-9)
+    assert list(dict.fromkeys(states)) == ["not commissioned", "nominal", "may be degrading", "failed"]
+    monitor.acknowledge()
+    assert monitor.verdict().units["joint 1"].state == "not commissioned"
+    assert [event.kind for event in monitor.events] == ["fits", "suspected", "failed", "acknowledged"]
+
+
+def test_a_monitor_goes_on_after_a_push_and_after_samples_that_are_missing() -> None:
+    ran = run(replace(SETTINGS, duration=BEGIN + 12.0, faults=(parse_chain_fault("push2+=4@38-38.5", 2),)))
+    monitor = ArmMonitor(SETTINGS.arm, HEALTHY)
+    for part in (slice(0, 3500), slice(3520, 4200), slice(4200, 5000)):
+        if part.start == 3520:
+            monitor.miss(20)
+        for first in range(part.start, part.stop, 20):
+            rows = slice(first, min(first + 20, part.stop))
+            monitor.follow(ran.t[rows], ran.q[rows], ran.target[rows], ran.effort[rows])
+    assert monitor.missed == 20
+    assert [found.cause for found in monitor.history] == ["push2"]
+    assert monitor.history[0].time - BEGIN < 2.0
+    assert monitor.time > monitor.history[0].time + SHOWN
+    assert {unit.state for unit in monitor.verdict().units.values()} == {"nominal"}
 
 
 def test_a_log_that_ends_with_what_is_learned_is_refused() -> None:

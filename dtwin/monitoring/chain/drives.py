@@ -1,0 +1,255 @@
+"""The drives of a serial arm: what its commands are beyond their expectation, beside what every cause would add.
+
+Over windows of several lengths that end at the sample the likelihood ratio of every cause is taken (generalised
+likelihood ratio test, Willsky and Jones 1976). A cause is sure enough once its ratio is FACTOR times the largest of
+the healthy stretch, and as large as anybody wants to know of it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from dtwin.arm.chain import Arm, Array
+from dtwin.monitoring.chain.expected import EVERY, WINDOW, Expected, Filtered, filtered
+from dtwin.monitoring.chain.finding import ChainFinding
+
+WINDOWS: Final = (10, 20, 40, 80, 160)
+"""Lengths over which evidence is gathered, in filtered samples: 0.5 to 8 s at 100 Hz."""
+FACTOR: Final = 2.0
+LEAST: Final = 25.0
+"""Least ratio that is evidence at all."""
+LATER: Final = 1.0
+"""Time from the first evidence until the cause is named, s."""
+LOST: Final = 0.6
+"""Part of a drive's torque from which a joint may as well be locked."""
+SIZES: Final = {"K": 0.05, "friction": 0.3, "bias": 0.003}
+"""Least sizes that are told; of a load and a push they follow from the arm."""
+SURE: Final = 0.05
+"""Probability beside the most probable cause above which another one is named with it."""
+ALIKE: Final = 0.9
+"""Cosine between what two causes add from which on samples do not tell them apart, whatever their ratios are."""
+PRIOR: Final = {"bias": 0.02, "push": 0.3}
+"""Odds of causes beside others before anything was seen: an encoder that shifts without a jump is rare."""
+_NOTHING: Final = 1e-12
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Evidence:
+    """What the samples say of every cause, from the beginning on: sums with a row of zeros before, (N + 1, c).
+
+    Attributes:
+        names: the causes.
+        along: product of innovation and what a unit of the cause adds.
+        power: square of what it adds.
+        energy: square of the innovation, (N + 1, 1).
+        columns: what a unit of each cause adds to a sample, (N, n, c).
+    """
+
+    names: tuple[str, ...]
+    along: Array
+    power: Array
+    energy: Array
+    columns: Array
+
+    def over(self, window: int) -> tuple[Array, Array]:
+        """Likelihood ratio and size of every cause over the window that ends at every sample, (N, c) each."""
+        early = np.maximum(np.arange(1, len(self.along)) - window, 0)
+        along, power = (each[1:] - each[early] for each in (self.along, self.power))
+        power = np.maximum(power, _NOTHING)
+        return along**2 / power, along / power
+
+    def between(self, first: int, last: int) -> tuple[Array, Array]:
+        """The same over the samples from one on and before another one, (c,) each."""
+        along = self.along[last] - self.along[first]
+        power = np.maximum(self.power[last] - self.power[first], _NOTHING)
+        return along**2 / power, along / power
+
+    def alike(self, cause: int, first: int, last: int) -> Array:
+        """Cosine between what a cause and every other one add to the samples, (c,)."""
+        columns = self.columns[first:last].reshape(-1, len(self.names))
+        length = np.maximum(np.linalg.norm(columns, axis=0), _NOTHING)
+        found: Array = np.abs(columns.T @ columns[:, cause]) / length / length[cause]
+        return found
+
+
+@dataclass(frozen=True, slots=True)
+class Alarm:
+    """First evidence.
+
+    Attributes:
+        sample: number of the filtered sample that gave it.
+        window: length of the window that ends there.
+        time: its time, s.
+    """
+
+    sample: int
+    window: int
+    time: float
+
+
+class Drives:
+    """The drives of an arm, learned from a healthy stretch.
+
+    Args:
+        arm: the arm as its data sheet says.
+        t: times of the healthy samples, (N,), s.
+        q: what the encoders read, (N, n), rad or m.
+        effort: what acts at the samples, (N, n), in the units of the drives.
+
+    Raises:
+        RecordingError: it is shorter than the filter.
+    """
+
+    def __init__(self, arm: Arm, t: Array, q: Array, effort: Array) -> None:
+        self._arm = arm
+        self._expected = Expected(arm)
+        learned = filtered(arm, t, q, effort)
+        self._expected.learn(learned)
+        self._times, self._innovation = np.zeros(0), np.zeros((0, len(arm)))
+        self._columns = np.zeros((0, len(arm), 0))
+        self._add(learned)
+        evidence = self._evidence()
+        self._least = np.array([_least(arm, name) for name in self._names])
+        self._bounds, self._alike = [], 1.0
+        for window in WINDOWS:
+            healthy = evidence.over(window)[0][window:-1]
+            if not len(healthy):  # as long as the stretch that was learned, of which nothing is known
+                continue
+            self._alike = max(self._alike, float(healthy.mean()))
+            self._bounds.append((window, np.maximum(FACTOR * healthy.max(axis=0), LEAST)))
+        self._count = self._first = len(learned.t)
+        used = EVERY * len(learned.t)
+        self._rest = t[used:], q[used:], effort[used:]
+        self.alarm: Alarm | None = None
+
+    def forget(self) -> None:
+        """Begins a new stretch after samples that nobody knows."""
+        n = len(self._arm)
+        self._rest = np.zeros(0), np.zeros((0, n)), np.zeros((0, n))
+        self._times, self._innovation, self._columns = self._times[:0], self._innovation[:0], self._columns[:0]
+        self._first = self._count
+
+    def follow(self, t: Array, q: Array, effort: Array) -> ChainFinding | None:
+        """Takes further samples; the cause once there is evidence and LATER has passed since.
+
+        Args:
+            t: times, (N,), s.
+            q: what the encoders read, (N, n).
+            effort: what acts at the samples, (N, n).
+        """
+        rows = [np.concatenate(pair) for pair in zip(self._rest, (t, q, effort), strict=True)]
+        made = max(0, (len(rows[0]) - WINDOW) // EVERY + 1)
+        if not made:
+            self._rest = rows[0], rows[1], rows[2]
+            return None
+        used = EVERY * (made - 1) + WINDOW
+        self._add(filtered(self._arm, *(row[:used] for row in rows)))
+        self._rest = rows[0][EVERY * made :], rows[1][EVERY * made :], rows[2][EVERY * made :]
+        self._count += made
+        evidence = self._evidence()
+        begin = self._count - len(self._times)
+        if self.alarm is None:
+            self.alarm = self._alarmed(evidence, begin, made)
+        found = self._cause(evidence, begin, ended=False)
+        self._shorten()
+        return found
+
+    def name(self) -> ChainFinding | None:
+        """The cause from the samples so far, if there is evidence, though less than LATER has passed since."""
+        return self._cause(self._evidence(), self._count - len(self._times), ended=True)
+
+    def _cause(self, evidence: Evidence, begin: int, ended: bool) -> ChainFinding | None:
+        if self.alarm is None:
+            return None
+        alarm, window = self.alarm.sample, self.alarm.window
+        last = alarm + 1 + round(LATER / self._arm.period / EVERY)
+        if last > self._count and not ended:
+            return None
+        first = max(self._first, alarm + 1 - window, begin)
+        bounds = first - begin, alarm + 1 - begin, min(last, self._count) - begin
+        return _named(evidence, *bounds, self._alike, self.alarm.time)
+
+    def _alarmed(self, evidence: Evidence, begin: int, made: int) -> Alarm | None:
+        """The first of the last samples for which some window is evidence enough."""
+        fresh = max(0, len(self._times) - made)
+        best: Alarm | None = None
+        for window, bound in self._bounds:
+            ratio, size = evidence.over(window)
+            enough = (ratio[fresh:] > bound) & (np.abs(size[fresh:]) > self._least)
+            sure = np.flatnonzero(enough.any(axis=1))
+            if len(sure) and (best is None or begin + fresh + int(sure[0]) < best.sample):
+                at = fresh + int(sure[0])
+                time = float(self._times[at]) + WINDOW // 2 * self._arm.period
+                best = Alarm(begin + at, window, time)
+        return best
+
+    def _add(self, log: Filtered) -> None:
+        causes = self._expected.causes(log)
+        self._names = tuple(causes)
+        columns = np.stack(list(causes.values()), axis=2)
+        self._times = np.concatenate([self._times, log.t])
+        self._innovation = np.concatenate([self._innovation, self._expected.innovation(log)])
+        self._columns = np.concatenate([self._columns, columns]) if self._columns.shape[2] else columns
+
+    def _shorten(self) -> None:
+        """Keeps what the longest window and the naming of a cause need."""
+        kept = WINDOWS[-1] + round(LATER / self._arm.period / EVERY) + 1
+        self._times, self._innovation = self._times[-kept:], self._innovation[-kept:]
+        self._columns = self._columns[-kept:]
+
+    def _evidence(self) -> Evidence:
+        innovation, columns = self._innovation, self._columns
+        rows = (
+            np.einsum("nj,njc->nc", innovation, columns),
+            np.einsum("njc,njc->nc", columns, columns),
+            np.sum(innovation**2, axis=1, keepdims=True),
+        )
+        along, power, energy = (np.vstack([np.zeros((1, each.shape[1])), np.cumsum(each, axis=0)]) for each in rows)
+        return Evidence(self._names, along, power, energy, columns)
+
+
+def _named(evidence: Evidence, first: int, alarm: int, last: int, alike: float, time: float) -> ChainFinding:
+    """The most probable cause of samples, and those that they do not tell from it.
+
+    A cause began at some sample up to the alarm, and a push may be over before the last one. What the best cause
+    leaves unexplained makes all of them less sure.
+
+    Args:
+        evidence: what the samples say.
+        first: first sample.
+        alarm: sample after the one that gave the alarm.
+        last: sample after the last one.
+        alike: how many times larger likelihood ratios of healthy samples are than of white noise.
+        time: when it was noticed, s.
+    """
+    odds, sizes = evidence.between(first, last)
+    pushes = np.array([name.startswith("push") for name in evidence.names])
+    for begin in range(first, alarm):
+        for end in range(alarm, last + 1):
+            ratio, size = evidence.between(begin, end)
+            better = (ratio > odds) & (pushes | (end == last))
+            odds, sizes = np.where(better, ratio, odds), np.where(better, size, sizes)
+    left = float(evidence.energy[last, 0] - evidence.energy[first, 0]) - odds.max()
+    spread = alike * max(1.0, left / ((last - first) * evidence.columns.shape[1]))
+    prior = np.array([PRIOR.get(name.rstrip("0123456789"), 1.0) for name in evidence.names])
+    share = prior * np.exp(0.5 * (odds - odds.max()) / spread)
+    order = np.argsort(-share)
+    near = (share > SURE * share[order[0]]) | (evidence.alike(int(order[0]), first, last) > ALIKE)
+    others = tuple(evidence.names[k] for k in order[1:] if near[k])
+    cause, found = evidence.names[order[0]], float(sizes[order[0]])
+    if cause.startswith("K") and found > LOST:
+        others = (f"lock{cause[1:]}", *others)
+    return ChainFinding(time, cause, found, others, float(share[order[0]] / share.sum()))
+
+
+def _least(arm: Arm, name: str) -> float:
+    """Least size of a cause that is told."""
+    kind = name.rstrip("0123456789")
+    if kind == "load":
+        return 0.02 * (arm.gripper.payload if arm.gripper is not None else sum(link.mass for link in arm.links))
+    if kind == "push":
+        return 0.03 * arm.joints[int(name[4:]) - 1].largest
+    return SIZES[kind]

@@ -1,0 +1,111 @@
+"""Encoders and joints that stand still: what single readings say of a serial arm, once its healthy motion is known.
+
+What jumps is as fast after the jump as before it, and away from its path by the jump alone; what is held or pushed is
+not. What stays is led farther than friction has held it while it was healthy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+from dtwin.arm.chain import Arm, Array
+from dtwin.monitoring.chain.finding import ChainFinding
+
+STILL: Final = 20
+"""Samples over which a reading may repeat itself or a joint may stay."""
+_FACTOR: Final = 2.0
+_JUMP: Final = 1e-3
+"""Least jump of an encoder, rad or m."""
+_SAME: Final = 0.3
+"""Largest change of speed beside a jump, in parts of it."""
+_ALONE: Final = 0.5
+"""Largest further way from the path beside a jump, in parts of it."""
+_LED: Final = 0.05
+"""Way on which a joint is led meanwhile, rad or m."""
+_NEAR: Final = 3.0
+"""Steps of an encoder within which a joint stays."""
+_PART: Final = 0.1
+"""Part of the way on which it is led within which it stays."""
+
+
+class Encoders:
+    """The encoders of an arm whose healthy motion is known.
+
+    Args:
+        arm: the arm.
+        q: what they read while it was healthy, (N, n), rad or m.
+        target: desired positions meanwhile, (N, n).
+    """
+
+    def __init__(self, arm: Arm, q: Array, target: Array) -> None:
+        self._steps = np.array([joint.step for joint in arm.joints])
+        self._noise = arm.tolerances.noise
+        jump, _, away = _ways(q, target)
+        self._largest = 2.0 * np.abs(jump).max(axis=0) + 4.0 * self._steps + _JUMP
+        self._drift = np.abs(away).max(axis=0)
+        led = np.abs(target[STILL:] - target[:-STILL])
+        still = _width(q) <= self._near(led)
+        self._held: Array = np.max(led, axis=0, where=still, initial=0.0)
+
+    def first(self, t: Array, q: Array, target: Array, new: int) -> ChainFinding | None:
+        """The first jump, repetition or stay whose last sample is one of the last `new` ones; None if there is none.
+
+        Args:
+            t: times of samples, (N,), s; what comes before the new ones is looked at for STILL samples.
+            q: what the encoders read, (N, n).
+            target: desired positions, (N, n).
+            new: number of samples that have not been looked at before.
+        """
+        found = [*self._jumps(t, q, target, new), *self._stays(t, q, target, new)]
+        return min(found, key=lambda each: each.time, default=None)
+
+    def _near(self, led: Array) -> Array:
+        """The width within which a joint that is led so far counts as staying."""
+        near: Array = np.maximum(_NEAR * self._steps + 6.0 * self._noise, _PART * led)
+        return near
+
+    def _jumps(self, t: Array, q: Array, target: Array, new: int) -> Iterator[ChainFinding]:
+        if len(t) < 4:
+            return
+        jump, change, away = _ways(q, target)
+        size = np.abs(jump)
+        alone = np.abs(away - jump) < self._drift + _ALONE * size
+        jumps = (size > self._largest) & (change < _SAME * size) & alone
+        first = max(0, len(jump) - new)
+        for j in np.flatnonzero(jumps[first:].any(axis=0)):
+            k = first + int(np.argmax(jumps[first:, j]))
+            yield ChainFinding(float(t[k + 3]), f"bias{j + 1}", float(jump[k, j]))
+
+    def _stays(self, t: Array, q: Array, target: Array, new: int) -> Iterator[ChainFinding]:
+        if len(t) <= STILL:
+            return
+        led = np.abs(target[STILL:] - target[:-STILL])
+        stays = (_width(q) <= self._near(led)) & (led > np.maximum(_LED, _FACTOR * self._held))
+        first = max(0, len(led) - new)
+        for j in np.flatnonzero(stays[first:].any(axis=0)):
+            k = first + int(np.argmax(stays[first:, j]))
+            same = np.ptp(q[k + STILL // 2 : k + STILL + 1, j]) == 0.0
+            exact = self._noise > 0.0 and self._steps[j] < 4.0 * self._noise
+            kinds = ("lock",) if not same else ("freeze",) if exact else ("freeze", "lock")
+            name, *others = (f"{kind}{j + 1}" for kind in kinds)
+            yield ChainFinding(float(t[k + STILL]), name, 0.0, tuple(others), 1.0 / len(kinds))
+
+
+def _ways(q: Array, target: Array) -> tuple[Array, Array, Array]:
+    """Jump beside the mean of the ways before and after, change of these, and way from the path, (N - 3, n) each."""
+    way = np.diff(q, axis=0)
+    jump = way[1:-1] - 0.5 * (way[:-2] + way[2:])
+    change = np.abs(way[2:] - way[:-2])
+    away = (q - target)[3:] - (q - target)[:-3]
+    return jump, change, away
+
+
+def _width(q: Array) -> Array:
+    """Largest less least reading of STILL + 1 samples, (N - STILL, n)."""
+    spread = sliding_window_view(q, STILL + 1, axis=0)
+    width: Array = spread.max(axis=2) - spread.min(axis=2)
+    return width

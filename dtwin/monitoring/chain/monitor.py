@@ -1,0 +1,150 @@
+"""The monitor of any serial arm while it works: learns it, tells the first fault, and begins anew when that is known.
+
+Whoever acknowledges a finding says that the arm as it is now is normal, and the monitor learns it again. A push that
+is over changes nothing about the arm: it is told, and the monitor goes on.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from dtwin.arm.chain import Arm, Array
+from dtwin.bus.twin_messages import MonitoredUnit, MonitoringVerdict, UnitState
+from dtwin.errors import ParameterError
+from dtwin.monitoring.chain.finding import CAUSES, ChainFinding
+from dtwin.monitoring.chain.sequential import HEALTHY, FirstFault
+from dtwin.signals import Event, EventKind
+
+TOOL: Final = "tool"
+"""Unit of a finding that is of no joint."""
+SHOWN: Final = 5.0
+"""Time for which a push is shown, s."""
+
+
+class ArmMonitor:
+    """A monitor.
+
+    Args:
+        arm: the arm as its data sheet says.
+        healthy: time in which it is learned, s.
+
+    Attributes:
+        time: time of the last sample, s.
+        events: everything that was noticed, in order.
+        history: every finding that was settled, in order.
+        missed: samples that did not arrive.
+    """
+
+    def __init__(self, arm: Arm, healthy: float = HEALTHY) -> None:
+        self._arm = arm
+        self._healthy = healthy
+        self._watch = FirstFault(arm, healthy)
+        self._begin: float | None = None
+        self._suspected = self._confirmed = False
+        self.time = 0.0
+        self.events: list[Event] = []
+        self.history: list[ChainFinding] = []
+        self.missed = 0
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """The units of a verdict: a joint each, and the tool."""
+        return (*(f"joint {k + 1}" for k in range(len(self._arm))), TOOL)
+
+    @property
+    def finding(self) -> ChainFinding | None:
+        """What is wrong now."""
+        return self._watch.finding
+
+    @property
+    def learned(self) -> bool:
+        """Whether the healthy arm is known."""
+        return self._watch.learned
+
+    def follow(self, t: Array, q: Array, target: Array, effort: Array) -> None:
+        """Takes further samples, a period of the arm apart: see `FirstFault.follow`."""
+        if not len(t):
+            return
+        self._begin = float(t[0]) if self._begin is None else self._begin
+        known = self.learned
+        self._watch.follow(t, q, target, effort)
+        self.time = float(t[-1])
+        if self.learned and not known:
+            self._note(EventKind.FITS, "the healthy arm is known from its motion")
+        self._tell()
+
+    def miss(self, samples: int) -> None:
+        """Samples did not arrive, and the next ones do not follow the last ones."""
+        self.missed += samples
+        self._watch.forget()
+        if not self.learned:
+            self._begin = None
+
+    def acknowledge(self, parameter: str = "") -> None:
+        """Takes the arm as it is now for normal, and learns it.
+
+        Raises:
+            ParameterError: there is no such finding.
+        """
+        found = self.finding
+        if parameter and (found is None or parameter != found.cause):
+            names = "none" if found is None else found.cause
+            raise ParameterError(f"no finding {parameter!r}: expected {names}")
+        if found is not None:
+            self._note(EventKind.ACKNOWLEDGED, f"{found.text(self._arm)}; the arm is learned anew")
+            self._anew()
+
+    def verdict(self) -> MonitoringVerdict:
+        """What the monitor thinks of the arm now."""
+        units = dict.fromkeys(self.units, MonitoredUnit("nominal"))
+        if not self.learned:
+            end = (self._begin or 0.0) + self._healthy
+            text = f"the arm is learned from its motion until {end:.0f} s"
+            units = dict.fromkeys(self.units, MonitoredUnit("not commissioned", text=text))
+        found = self.finding
+        findings: tuple[MonitoredUnit, ...] = ()
+        if found is not None:
+            told = self._told(found)
+            findings = (told,)
+            units[TOOL if found.joint is None else f"joint {found.joint}"] = told
+        return MonitoringVerdict(self.time, units, (), (), self.missed, 0, findings)
+
+    def _told(self, found: ChainFinding) -> MonitoredUnit:
+        state: UnitState = "failed" if self._watch.settled else "may be degrading"
+        return MonitoredUnit(
+            state,
+            CAUSES[found.kind],
+            found.cause,
+            -found.size if found.kind == "K" else found.size,
+            0.0,
+            found.confidence,
+            found.time,
+            found.time,
+            self._watch.settled,
+            found.text(self._arm)[:1000],
+        )
+
+    def _tell(self) -> None:
+        """Notes what is new of the finding, and goes on after a push."""
+        found = self.finding
+        if found is None:
+            return
+        if not self._suspected:
+            self._suspected = True
+            self._note(EventKind.SUSPECTED, found.text(self._arm))
+        if self._watch.settled and not self._confirmed:
+            self._confirmed = True
+            self.history.append(found)
+            self._note(EventKind.FAILED, found.text(self._arm))
+        if found.kind == "push" and self._confirmed and self.time > found.time + SHOWN:
+            self._note(EventKind.RECOVERED, f"{found.text(self._arm)}: it is over")
+            self._watch.resume()
+            self._suspected = self._confirmed = False
+
+    def _anew(self) -> None:
+        self._watch = FirstFault(self._arm, self._healthy)
+        self._begin = None
+        self._suspected = self._confirmed = False
+
+    def _note(self, kind: EventKind, text: str) -> None:
+        self.events.append(Event(self.time, kind, text[:1000]))
