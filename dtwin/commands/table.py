@@ -173,6 +173,9 @@ GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
         "experiment arm-faults": Subcommand(
             "monitoring.arm_faults", "ExperimentArmFaults", "monitor drawn machines of any arm with faults; report"
         ),
+        "experiment arm-recovery": Subcommand(
+            "monitoring.arm_faults", "ExperimentArmRecovery", "have faults of any arm found and answered; report"
+        ),
         "experiment noise": Subcommand(
             "identification.experiment", "ExperimentNoise", "identify under encoder noise; report"
         ),

@@ -112,16 +112,8 @@ class ChainRun:
 
     @property
     def effort(self) -> Array:
-        """What acts at the times of the samples, (N, n), in the units of the drives.
-
-        A command is held for a tick that begins with its sample, so that at the sample itself the mean of the
-        command before and the one after acts. Half a tick of delay against the positions would be told as inertia.
-        """
-        late = self.settings.late
-        acting = np.vstack([np.zeros((late, self.command.shape[1])), self.command])[: len(self.command)]
-        before = np.vstack([acting[:1], acting[:-1]])
-        mean: Array = 0.5 * (before + acting)
-        return mean
+        """What acts at the times of the samples, (N, n), in the units of the drives."""
+        return acting(self.command, self.settings.late)
 
     def measurement(self) -> Measurement:
         """What a log of the run tells: positions, effort, desired positions."""
@@ -172,6 +164,22 @@ class ChainRun:
             "stop": self.stop,
             **({} if self.boxes is None else {"boxes": _box_figures(self.boxes, self.places)}),
         }
+
+
+def acting(command: Array, late: int) -> Array:
+    """What acts at the samples that commands answer, (N, n) each.
+
+    A command is held for a tick that begins with its sample, so that at the sample itself the mean of the command
+    before and the one after acts. Half a tick of delay against the positions would be told as inertia.
+
+    Args:
+        command: commands, from the first sample on.
+        late: ticks from a command until it acts.
+    """
+    held = np.vstack([np.zeros((late, command.shape[1])), command])[: len(command)]
+    before = np.vstack([held[:1], held[:-1]])
+    mean: Array = 0.5 * (before + held)
+    return mean
 
 
 def _box_figures(counts: Counts, places: Array) -> dict[str, float]:
@@ -267,12 +275,20 @@ def _above_and_at(arm: Arm, task: Sorting, point: Array, near: Array) -> tuple[A
     raise refused
 
 
-def run(settings: ChainSettings, between: Callable[[int], bool] | None = None) -> ChainRun:
+Beside = Callable[[ChainController, Array, int], None]
+"""Is called in every tick once the blocks have answered: with the blocks, with the readings, targets and commands,
+(3, N, n), of which only those of the ticks so far are filled, and with the number of these."""
+
+
+def run(
+    settings: ChainSettings, between: Callable[[int], bool] | None = None, beside: Beside | None = None
+) -> ChainRun:
     """Runs an arm.
 
     Args:
         settings: the run.
         between: is called between two ticks with the number of ticks done; False ends the run.
+        beside: who looks on and may change what the blocks count on.
 
     Raises:
         ModelError: something of the arm is not known that its controller needs.
@@ -302,6 +318,8 @@ def run(settings: ChainSettings, between: Callable[[int], bool] | None = None) -
         plant.apply(command)
         plant.advance()
         done += 1
+        if beside is not None:
+            beside(controller, rows[:3], done)
     counts = None if boxes is None else boxes.counts
     t: Array = np.arange(done, dtype=np.float64) * arm.period
     seconds = time.perf_counter() - began

@@ -247,8 +247,8 @@ class _Asked(NamedTuple):
 
 
 def _row(tick: JointTick) -> tuple[float, Array, Array, Array]:
-    acted = tick.acted
-    return tick.sensors.time, *(np.array(each) for each in (tick.sensors.theta, acted.target, acted.commands))
+    sensors, acted = tick.sensors, tick.acted
+    return sensors.time, np.array(sensors.theta), np.array(acted.target), np.array(acted.commands)
 
 
 def _between(first: JointTick, second: JointTick, share: float) -> tuple[float, Array, Array, Array]:
@@ -262,7 +262,7 @@ def _rehearse(settings: ChainSettings) -> None:
     """Goes through the whole work once, so that nothing is loaded or made ready after the service is."""
     arm = settings.arm
     generator = np.random.default_rng(0)
-    t = arm.period * np.arange(round(12.0 / arm.period))
+    t: Array = arm.period * np.arange(round(12.0 / arm.period), dtype=np.float64)
     phase = generator.uniform(0.0, 2.0 * np.pi, len(arm))
     q = 0.1 * np.sin(t[:, None] + phase)
     noise = generator.standard_normal(q.shape)

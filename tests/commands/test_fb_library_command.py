@@ -120,6 +120,7 @@ def test_lua_files_hold_the_types(tmp_path: Path, capsys: pytest.CaptureFixture[
         "JOINT_DRIVE",
         "JOINT_FEEDBACK",
         "JOINT_PATH",
+        "JOINT_READING",
         "ORDER_DISPATCH",
         "ORDER_EXECUTION",
         "PATH_PLANNER",

@@ -19,7 +19,7 @@ from dtwin.terminal import printable
 from iec61499.deploy.system_file import system_text
 
 TYPES: Final = (
-    *("POSE_SEQUENCE", "CHAIN_JOINT", "JOINT_PATH", "JOINT_FEEDBACK", "CHAIN_LINK", "JOINT_DRIVE"),
+    *("POSE_SEQUENCE", "CHAIN_JOINT", "JOINT_READING", "JOINT_PATH", "JOINT_FEEDBACK", "CHAIN_LINK", "JOINT_DRIVE"),
     "SAFE_STOP",
 )
 """The block types of the library that an application uses."""

@@ -3,6 +3,7 @@
     ARM --> SEQUENCE --> JOINT_1 --> ... --> JOINT_n          outward: the desired motion of every link
                          JOINT_1 <-- ... <-- JOINT_n          inward: forces, torques and commands
                             +--> ARM, and STOP, which watches errors and speeds
+    TWIN --> JOINT_1, ..., JOINT_n                               what was found of the joints
 
 One event runs through it for every sample. The network depends on the number of joints alone; everything else about
 an arm and its task are values of inputs.
@@ -36,6 +37,9 @@ PORT: Final = 61500
 """Port of the block ARM."""
 VERDICT_PORT: Final = 61506
 """Port for verdicts of a monitor, and for releases."""
+TWIN: Final = "TWIN"
+"""Name of the block by which the twin says what it has found of the joints."""
+TWIN_PORT: Final = 61507
 APPLICATION: Final = "ARM_CONTROL"
 """Name of the application in a system."""
 LIBRARY: Final = BLOCKS
@@ -94,6 +98,15 @@ def messages(joints: int) -> tuple[Signature, Signature]:
     return Signature([*[LREAL] * joints, DINT]), Signature([*[LREAL] * joints, BOOL])
 
 
+ADJUSTED: Final = ("OFFSET", "STRENGTH", "FRICTION")
+"""What the twin says of every joint."""
+
+
+def adjustment(joints: int) -> Signature:
+    """Layout of the message to TWIN: offset, strength and friction of every joint, and the further load."""
+    return Signature([LREAL] * (len(ADJUSTED) * joints + 1))
+
+
 def network(joints: int, devices: Devices = "one") -> model.FBNetwork:
     """The network of an arm with that many joints, without values; ports are those of the library.
 
@@ -119,6 +132,14 @@ def network(joints: int, devices: Devices = "one") -> model.FBNetwork:
         model.Block(SWITCH, "E_SWITCH", x=0.0, y=3000.0, comment="Whether the arm moves or stands under supervision"),
         model.Block(STOP, "SAFE_STOP", x=1500.0, y=3000.0, comment="Stops the arm when it leaves its path"),
         _server(VERDICT, "SERVER_1_3", VERDICT_PORT, "Verdicts of a monitor, and releases", 0.0, 4500.0),
+        _server(
+            TWIN,
+            f"SERVER_1_{len(ADJUSTED) * joints + 1}",
+            TWIN_PORT,
+            "What the twin has found of the joints",
+            0.0,
+            6000.0,
+        ),
         *(meeting.block for meeting in meetings),
     ]
     events = list(_events(names))
@@ -195,6 +216,9 @@ def _events(names: list[str]) -> Iterator[model.Connection]:
         (f"{STOP}.HALT", f"{SEQUENCE}.HALT"),
         (f"{VERDICT}.IND", f"{STOP}.VERDICT"),
         (f"{STOP}.ANSWER", f"{VERDICT}.RSP"),
+        (f"{VERDICT}.INITO", f"{TWIN}.INIT"),
+        *((f"{TWIN}.IND", f"{name}.ADJUST") for name in names),
+        (f"{TWIN}.IND", f"{TWIN}.RSP"),
     ):
         yield model.Connection(source, destination)
 
@@ -203,6 +227,8 @@ def _data(names: list[str]) -> Iterator[model.Connection]:
     for k, name in enumerate(names):
         yield model.Connection(f"{ARM}.RD_{k + 1}", f"{name}.POSITION")
         yield model.Connection(f"{name}.COMMAND", f"{ARM}.SD_{k + 1}")
+        for number, what in enumerate(ADJUSTED, 1):
+            yield model.Connection(f"{TWIN}.RD_{len(ADJUSTED) * k + number}", f"{name}.{what}")
         for shared in _SHARED:
             yield model.Connection(f"{SEQUENCE}.{shared}", f"{name}.{shared}")
     for before, name in pairwise(names):
@@ -229,6 +255,8 @@ def _data(names: list[str]) -> Iterator[model.Connection]:
         (f"{VERDICT}.RD_2", f"{STOP}.CONFIDENCE"),
         (f"{VERDICT}.RD_3", f"{STOP}.RELEASE"),
         (f"{STOP}.STOP", f"{VERDICT}.SD_1"),
+        (f"{TWIN}.RD_{len(ADJUSTED) * len(names) + 1}", f"{last}.TOOL"),
+        (f"{STOP}.STOP", f"{TWIN}.SD_1"),
     ):
         yield model.Connection(source, destination)
 

@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from dtwin.arm.adjustment import Adjustment
 from dtwin.arm.chain import Array
-from dtwin.controller.chain.application import ARM, LIBRARY, SEQUENCE, STOP, VERDICT, joint_name, network
+from dtwin.controller.chain.application import ARM, LIBRARY, SEQUENCE, STOP, TWIN, VERDICT, joint_name, network
 from dtwin.controller.runtime import Blocks, running
 from dtwin.signals import ARM_STATES, STOPS, ArmState, Stop
 from iec61499 import model
@@ -38,9 +39,9 @@ class ChainController:
         self.resource: Blocks = running(_started(network(joints)), _library(blocks, Library([blocks]).stamp()))
         for name, value in values.items():
             self.resource.write(name, value)
-        server, verdict = self.resource.server(ARM), self.resource.server(VERDICT)
+        servers = [self.resource.server(name) for name in (ARM, VERDICT, TWIN)]
         self.resource.start()
-        self._exchange, self._verdict = server.exchange, verdict.exchange
+        self._exchange, self._verdict, self._twin = (server.exchange for server in servers)
         self.grips = False
         names = [joint_name(k) for k in range(joints)]
         self._desired = [self.resource.reader((f"{name}.PATH.Q_D", f"{name}.PATH.QD_D")) for name in names]
@@ -70,6 +71,14 @@ class ChainController:
         """
         (stop,) = self._verdict((ARM_STATES.index(state), confidence, release))
         return STOPS[int(stop)]
+
+    def adjust(self, found: Adjustment) -> None:
+        """Lets the joints count on what was found of them, from the next sample on."""
+        self._twin(found.message)
+
+    def halt(self, angles_known: bool) -> None:
+        """Stops the arm: it brakes along its path and stands; without torque where its angles are not known."""
+        self.judge("failed" if angles_known else "angles unknown", 1.0)
 
     def desired(self) -> tuple[Array, Array]:
         """Desired positions and velocities at the last sample, (n,) each."""

@@ -11,7 +11,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
+from dtwin.arm.adjustment import Adjustment
 from dtwin.arm.chain import Arm, Array
 from dtwin.monitoring.chain.expected import EVERY, WINDOW, Expected, Filtered, filtered
 from dtwin.monitoring.chain.finding import ChainFinding
@@ -21,8 +23,10 @@ WINDOWS: Final = (10, 20, 40, 80, 160)
 FACTOR: Final = 2.0
 LEAST: Final = 25.0
 """Least ratio that is evidence at all."""
-LATER: Final = 1.0
-"""Time from the first evidence until the cause is named, s."""
+SOON: Final = 1.0
+"""Time from the first evidence until a cause is named for the first time, s."""
+LATER: Final = 3.0
+"""Time from the first evidence until the cause is named for good, s: by then a push is over."""
 LOST: Final = 0.6
 """Part of a drive's torque from which a joint may as well be locked."""
 SIZES: Final = {"K": 0.05, "friction": 0.3, "bias": 0.003}
@@ -33,6 +37,8 @@ ALIKE: Final = 0.9
 """Cosine between what two causes add from which on samples do not tell them apart, whatever their ratios are."""
 PRIOR: Final = {"bias": 0.02, "push": 0.3}
 """Odds of causes beside others before anything was seen: an encoder that shifts without a jump is rare."""
+SPREAD: Final = {"K": 0.3, "friction": 0.7}
+"""Usual size of what is left of a drive's torque, and of friction in parts of what it was, as logarithms."""
 _NOTHING: Final = 1e-12
 
 
@@ -61,8 +67,8 @@ class Evidence:
         power = np.maximum(power, _NOTHING)
         return along**2 / power, along / power
 
-    def between(self, first: int, last: int) -> tuple[Array, Array]:
-        """The same over the samples from one on and before another one, (c,) each."""
+    def between(self, first: int, last: int | NDArray[np.intp]) -> tuple[Array, Array]:
+        """The same over the samples from one on and before another one, (c,) each, or before several, (N, c)."""
         along = self.along[last] - self.along[first]
         power = np.maximum(self.power[last] - self.power[first], _NOTHING)
         return along**2 / power, along / power
@@ -132,8 +138,14 @@ class Drives:
         self._times, self._innovation, self._columns = self._times[:0], self._innovation[:0], self._columns[:0]
         self._first = self._count
 
+    def resume(self, adjustment: Adjustment | None) -> None:
+        """Goes on without the last alarm, with other friction and another load if they are given."""
+        self.alarm = None
+        if adjustment is not None:
+            self._expected.adjust(np.array(adjustment.friction), adjustment.load)
+
     def follow(self, t: Array, q: Array, effort: Array) -> ChainFinding | None:
-        """Takes further samples; the cause once there is evidence and LATER has passed since.
+        """Takes further samples; the cause once there is evidence and SOON has passed since, and again after LATER.
 
         Args:
             t: times, (N,), s.
@@ -153,24 +165,39 @@ class Drives:
         begin = self._count - len(self._times)
         if self.alarm is None:
             self.alarm = self._alarmed(evidence, begin, made)
-        found = self._cause(evidence, begin, ended=False)
+        found = self._due(evidence, made)
         self._shorten()
         return found
 
-    def name(self) -> ChainFinding | None:
-        """The cause from the samples so far, if there is evidence, though less than LATER has passed since."""
-        return self._cause(self._evidence(), self._count - len(self._times), ended=True)
+    @property
+    def named(self) -> bool:
+        """Whether the cause has been named for good."""
+        return self.alarm is not None and self._count > self.alarm.sample + self._after(LATER)
 
-    def _cause(self, evidence: Evidence, begin: int, ended: bool) -> ChainFinding | None:
+    def is_small(self, found: ChainFinding | None) -> bool:
+        """Whether what was found is smaller than anybody wants to know."""
+        return found is not None and abs(found.size) < _least(self._arm, found.cause)
+
+    def name(self) -> ChainFinding | None:
+        """The cause from the samples so far, if there is evidence, though less time than LATER has passed since."""
+        return None if self.alarm is None else self._cause(self._evidence(), self.alarm, self._count)
+
+    def _after(self, time: float) -> int:
+        return round(time / self._arm.period / EVERY)
+
+    def _due(self, evidence: Evidence, made: int) -> ChainFinding | None:
+        """The cause, if with the last samples it is time to name it for the first time or for good."""
         if self.alarm is None:
             return None
-        alarm, window = self.alarm.sample, self.alarm.window
-        last = alarm + 1 + round(LATER / self._arm.period / EVERY)
-        if last > self._count and not ended:
-            return None
-        first = max(self._first, alarm + 1 - window, begin)
-        bounds = first - begin, alarm + 1 - begin, min(last, self._count) - begin
-        return _named(evidence, *bounds, self._alike, self.alarm.time)
+        ends = [self.alarm.sample + 1 + self._after(time) for time in (LATER, SOON)]
+        last = next((end for end in ends if self._count - made < end <= self._count), None)
+        return None if last is None else self._cause(evidence, self.alarm, last)
+
+    def _cause(self, evidence: Evidence, alarm: Alarm, last: int) -> ChainFinding:
+        begin = self._count - len(self._times)
+        first = max(self._first, alarm.sample + 1 - alarm.window, begin)
+        end = min(last, alarm.sample + 1 + self._after(LATER), self._count)
+        return _named(evidence, first - begin, alarm.sample + 1 - begin, end - begin, self._alike, alarm.time)
 
     def _alarmed(self, evidence: Evidence, begin: int, made: int) -> Alarm | None:
         """The first of the last samples for which some window is evidence enough."""
@@ -196,7 +223,7 @@ class Drives:
 
     def _shorten(self) -> None:
         """Keeps what the longest window and the naming of a cause need."""
-        kept = WINDOWS[-1] + round(LATER / self._arm.period / EVERY) + 1
+        kept = WINDOWS[-1] + self._after(LATER) + 1
         self._times, self._innovation = self._times[-kept:], self._innovation[-kept:]
         self._columns = self._columns[-kept:]
 
@@ -227,14 +254,16 @@ def _named(evidence: Evidence, first: int, alarm: int, last: int, alike: float, 
     """
     odds, sizes = evidence.between(first, last)
     pushes = np.array([name.startswith("push") for name in evidence.names])
+    ends = np.arange(alarm, last + 1)
     for begin in range(first, alarm):
-        for end in range(alarm, last + 1):
-            ratio, size = evidence.between(begin, end)
-            better = (ratio > odds) & (pushes | (end == last))
-            odds, sizes = np.where(better, ratio, odds), np.where(better, size, sizes)
+        ratio, size = evidence.between(begin, ends)
+        ratio[:-1, ~pushes] = 0.0
+        best = ratio.argmax(axis=0), np.arange(len(pushes))
+        better = ratio[best] > odds
+        odds, sizes = np.where(better, ratio[best], odds), np.where(better, size[best], sizes)
     left = float(evidence.energy[last, 0] - evidence.energy[first, 0]) - odds.max()
     spread = alike * max(1.0, left / ((last - first) * evidence.columns.shape[1]))
-    prior = np.array([PRIOR.get(name.rstrip("0123456789"), 1.0) for name in evidence.names])
+    prior = np.array([_likely(name, float(size)) for name, size in zip(evidence.names, sizes, strict=True)])
     share = prior * np.exp(0.5 * (odds - odds.max()) / spread)
     order = np.argsort(-share)
     near = (share > SURE * share[order[0]]) | (evidence.alike(int(order[0]), first, last) > ALIKE)
@@ -243,6 +272,20 @@ def _named(evidence: Evidence, first: int, alarm: int, last: int, alike: float, 
     if cause.startswith("K") and found > LOST:
         others = (f"lock{cause[1:]}", *others)
     return ChainFinding(time, cause, found, others, float(share[order[0]] / share.sum()))
+
+
+def _likely(name: str, size: float) -> float:
+    """Odds of a cause of this size before anything was seen.
+
+    A joint whose torque is nearly all friction needs the same commands with twice the friction as with a drive of
+    half its torque; but magnets and gears lose tenths, while cold grease multiplies friction.
+    """
+    kind = name.rstrip("0123456789")
+    odds = PRIOR.get(kind, 1.0)
+    if kind not in SPREAD:
+        return odds
+    left = 1.0 - size if kind == "K" else 1.0 + size
+    return odds * float(np.exp(-0.5 * (np.log(left) / SPREAD[kind]) ** 2)) if left > 0.0 else 0.0
 
 
 def _least(arm: Arm, name: str) -> float:

@@ -82,6 +82,7 @@ class Expected:
         self._mass = np.array([1.0, *tool, *steiner(tool)[np.tril_indices(3)]])
         self._mean, self._deviation = self._known()
         self._values = self._mean.copy()
+        self._now = self._values.copy()
         self.noise = np.ones(len(arm))
 
     def learn(self, log: Filtered) -> None:
@@ -96,10 +97,18 @@ class Expected:
             self._values = self._mean + found
             left = weights * (log.effort - columns @ self._values)
             self.noise = np.maximum(np.sqrt(np.mean(left**2, axis=0)), 1e-9)
+        self._now = self._values.copy()
+
+    def adjust(self, friction: Array, load: float) -> None:
+        """Counts on other friction, (n,), in parts of what was learned, and on a further load, kg."""
+        n = len(self._arm)
+        self._now = self._values.copy()
+        self._now[11 * n : 14 * n] *= np.tile(friction, 3)
+        self._now[10 * (n - 1) : 10 * n] += load * self._mass
 
     def innovation(self, log: Filtered) -> Array:
         """What the commands are beyond their expectation, (N, n), in parts of the noise; 0 where nobody knows."""
-        found: Array = self._weights(log) * (log.effort - self._columns(log) @ self._values) / self.noise
+        found: Array = self._weights(log) * (log.effort - self._columns(log) @ self._now) / self.noise
         return found
 
     def causes(self, log: Filtered) -> dict[str, Array]:
@@ -111,7 +120,7 @@ class Expected:
         n = len(self._arm)
         scale = self._weights(log) / self.noise
         columns = self._columns(log)
-        friction = np.einsum("njp,p->nj", columns[:, :, 11 * n : 14 * n], self._values[11 * n : 14 * n])
+        friction = np.einsum("njp,p->nj", columns[:, :, 11 * n : 14 * n], self._now[11 * n : 14 * n])
         load = columns[:, :, 10 * (n - 1) : 10 * n] @ self._mass
         slopes = self._slopes(log)
         found: dict[str, Array] = {"load": scale * load}

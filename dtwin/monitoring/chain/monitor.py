@@ -128,6 +128,9 @@ class ArmMonitor:
         """Notes what is new of the finding, and goes on after a push."""
         found = self.finding
         if found is None:
+            if self._suspected:
+                self._suspected = False
+                self._note(EventKind.DISMISSED, "a suspicion was not confirmed")
             return
         if not self._suspected:
             self._suspected = True

@@ -11,6 +11,7 @@ from typing import Final
 
 import numpy as np
 
+from dtwin.arm.adjustment import Adjustment
 from dtwin.arm.chain import Arm, Array
 from dtwin.errors import RecordingError
 from dtwin.monitoring.chain.drives import WINDOWS, Drives
@@ -46,6 +47,8 @@ class FirstFault:
         self._encoders: Encoders | None = None
         self._drives: Drives | None = None
         self._last = _none(len(arm))
+        self._offset, self._strength = np.zeros(len(arm)), np.ones(len(arm))
+        self._of_encoder = False
         self.time = 0.0
         self.finding: ChainFinding | None = None
 
@@ -57,8 +60,8 @@ class FirstFault:
     @property
     def settled(self) -> bool:
         """Whether the cause that was found is not going to change any more."""
-        found = self.finding
-        return found is not None and (self.time > found.time + EXPLAINS or found.kind in ("freeze", "lock", "bias"))
+        named = self._drives is not None and (self._of_encoder or self._drives.named)
+        return self.finding is not None and named
 
     def forget(self) -> None:
         """Begins a new stretch after samples that nobody knows; what is not learned yet is learned anew."""
@@ -67,12 +70,18 @@ class FirstFault:
         if self._drives is not None:
             self._drives.forget()
 
-    def resume(self) -> None:
-        """Goes on after a finding that is over, with the arm as it was learned."""
-        self.finding = None
+    def resume(self, adjustment: Adjustment | None = None) -> None:
+        """Goes on after a finding that is over, or that the blocks count on now.
+
+        Args:
+            adjustment: what they count on beside the arm as it was learned; as before if None.
+        """
+        self.finding, self._of_encoder = None, False
         self.forget()
+        if adjustment is not None:
+            self._offset, self._strength = np.array(adjustment.offset), np.array(adjustment.strength)
         if self._drives is not None:
-            self._drives.alarm = None
+            self._drives.resume(adjustment)
 
     def follow(self, t: Array, q: Array, target: Array, effort: Array) -> None:
         """Takes further samples, a period of the arm apart.
@@ -85,6 +94,7 @@ class FirstFault:
         """
         if not len(t):
             return
+        q, effort = q - self._offset, effort * self._strength
         if self._drives is None:
             healthy = self._learn(t, q, target, effort)
             t, q, target, effort = t[healthy:], q[healthy:], target[healthy:], effort[healthy:]
@@ -118,20 +128,21 @@ class FirstFault:
         rows = [np.concatenate(pair) for pair in zip(self._last, (t, q, target), strict=True)]
         times, positions, wanted = rows
         self._last = times[-STILL:], positions[-STILL:], wanted[-STILL:]
-        before = self.finding
         self.time = float(t[-1])
-        if before is None:
-            self.finding = self._drives.follow(t, q, effort)
-        if before is not None and (before.kind in ("freeze", "lock") or t[0] > before.time + EXPLAINS):
+        if self.settled:
+            return
+        self.finding = self._drives.follow(t, q, effort) or self.finding
+        if self.settled and self._drives.is_small(self.finding):
+            self.resume()  # with more samples it has turned out to be none
             return
         told = self._encoders.first(times, positions, wanted, new)
         if told is None:
             return
         alarm = self._drives.alarm
         if alarm is None:
-            self.finding = told
+            self.finding, self._of_encoder = told, True
         elif told.time <= alarm.time + EXPLAINS:
-            self.finding = replace(told, time=min(told.time, alarm.time))
+            self.finding, self._of_encoder = replace(told, time=min(told.time, alarm.time)), True
 
 
 def _none(joints: int) -> tuple[Array, Array, Array]:
