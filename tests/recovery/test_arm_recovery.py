@@ -68,4 +68,4 @@ def test_a_fault_of_a_drawn_machine_is_found_and_answered(kind: Kind) -> None:
     assert not case.early
     assert case.steps[0].answer.measure == MEASURES[kind]
     assert case.stopped == (kind == "lock")
-    assert "1 of 1 right" in arm_recovery_report("planar-2r", (case,)).parts[1]
+    assert "1 of 1 right" in str(arm_recovery_report("planar-2r", (case,)).parts[1])

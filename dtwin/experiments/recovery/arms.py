@@ -99,7 +99,8 @@ class Onlooker:
         first = max(0, self._seen - late - 1)
         effort = acting(rows[2, first:done], late)[self._seen - first :]
         part = slice(self._seen, done)
-        self.operator.follow(np.arange(self._seen, done) * arm.period, rows[0, part], rows[1, part], effort)
+        t: Array = arm.period * np.arange(self._seen, done, dtype=np.float64)
+        self.operator.follow(t, rows[0, part], rows[1, part], effort)
         self._seen = done
 
 

@@ -28,6 +28,8 @@ _LED: Final = 0.05
 """Way on which a joint is led meanwhile, rad or m."""
 _NEAR: Final = 3.0
 """Steps of an encoder within which a joint stays."""
+_GRIPPED: Final = 5.0
+"""Friction by which a joint may be held without being locked, in parts of what it was: what recovery compensates."""
 _PART: Final = 0.1
 """Part of the way on which it is led within which it stays."""
 
@@ -50,6 +52,7 @@ class Encoders:
         led = np.abs(target[STILL:] - target[:-STILL])
         still = _width(q) <= self._near(led)
         self._held: Array = np.max(led, axis=0, where=still, initial=0.0)
+        self._errors: Array = np.abs(q - target).max(axis=0)
 
     def first(self, t: Array, q: Array, target: Array, new: int) -> ChainFinding | None:
         """The first jump, repetition or stay whose last sample is one of the last `new` ones; None if there is none.
@@ -85,6 +88,8 @@ class Encoders:
             return
         led = np.abs(target[STILL:] - target[:-STILL])
         stays = (_width(q) <= self._near(led)) & (led > np.maximum(_LED, _FACTOR * self._held))
+        # Friction gives way once its joint is so far behind that the feedback presses hard enough; a lock never does.
+        stays &= (_width(q) == 0.0) | (np.abs(q - target)[STILL:] > _GRIPPED * self._errors)
         first = max(0, len(led) - new)
         for j in np.flatnonzero(stays[first:].any(axis=0)):
             k = first + int(np.argmax(stays[first:, j]))

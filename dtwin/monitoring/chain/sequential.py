@@ -131,8 +131,9 @@ class FirstFault:
         self.time = float(t[-1])
         if self.settled:
             return
-        self.finding = self._drives.follow(t, q, effort) or self.finding
-        if self.settled and self._drives.is_small(self.finding):
+        named = self._drives.follow(t, q, effort)
+        self.finding = named or self.finding
+        if named is not None and self._drives.named and self._drives.is_small(named):
             self.resume()  # with more samples it has turned out to be none
             return
         told = self._encoders.first(times, positions, wanted, new)
