@@ -35,6 +35,12 @@ _STILL: Final = 0.02
 """Usual speed below which velocities are not held against positions, rad/s or m/s."""
 _SLOPE: Final = 0.15
 """Relative difference of logged velocities from those of the positions that is no error of units."""
+_SAME: Final = 0.98
+"""Likeness from which on a velocity is that of a position."""
+_LAG: Final = 0.05
+"""Shift between both that no filter of a drive makes, s."""
+_LONGEST_LAG: Final = 0.5
+"""Longest shift that is looked for, s."""
 _MISTAKES: Final = {
     "one of them has the other sign": -1.0,
     "velocities are in degrees": np.pi / 180.0,
@@ -184,32 +190,60 @@ def _quantum(values: Array) -> float:
 
 
 def velocities(rows: Rows) -> None:
-    """Velocities that are not those of the positions: wrong units, signs or order."""
+    """Velocities that are not those of the positions: wrong units, signs, order or time."""
     if "velocity" not in rows.arrays:
         return
     t = rows.arrays["t"]
     steps = np.diff(t)
     usual = float(np.median(steps))
     inside = (steps < GAP * usual) & (np.diff(rows.arrays["episode"]) == 0.0)
+    position, velocity = rows.arrays["position"], rows.arrays["velocity"]
+    slopes = np.diff(position, axis=0)[inside] / steps[inside, None]
+    speeds = 0.5 * (velocity[1:] + velocity[:-1])[inside]
     doubtful: list[str] = []
-    for joint in range(rows.arrays["position"].shape[1]):
-        slope = np.diff(rows.arrays["position"][:, joint])[inside] / steps[inside]
-        speed = 0.5 * (rows.arrays["velocity"][1:, joint] + rows.arrays["velocity"][:-1, joint])[inside]
+    late: list[str] = []
+    for joint, (slope, speed) in enumerate(zip(slopes.T, speeds.T, strict=True)):
         power = float(speed @ speed)
         if max(power, float(slope @ slope)) < _STILL**2 * len(speed):
             continue
         ratio = float(slope @ speed) / (power + 1e-300)
-        fits = float(slope @ speed) / np.sqrt(power * float(slope @ slope) + 1e-300)
+        fits = _alike(slope, speed)
         wrong = next((name for name, factor in _MISTAKES.items() if abs(ratio / factor - 1.0) < _SLOPE), "")
         if abs(fits) > 0.8 and wrong:
             message = f"positions change {ratio:.3g} times as fast as the velocity says: {wrong}"
             raise rows.refuse("velocity", joint, 0, message)
-        if fits < 0.9 or abs(ratio - 1.0) > _SLOPE:
+        lag = _lag(slope, speed, max(1, round(_LONGEST_LAG / usual)))
+        if abs(lag) * usual >= _LAG:
+            late.append(f"{rows.name('velocity', joint)} by {1e3 * lag * usual:.0f} ms")
+        elif fits < 0.9 or abs(ratio - 1.0) > _SLOPE:
+            other = next((k for k, found in enumerate(slopes.T) if k != joint and _alike(found, speed) > _SAME), None)
+            if other is not None:
+                whose = rows.name("position", other)
+                message = f"expected the velocity of its joint, got that of {whose}: is the order of columns right?"
+                raise rows.refuse("velocity", joint, 0, message)
             doubtful.append(rows.name("velocity", joint))
+    if late:
+        names = ", ".join(late)
+        rows.told(f"velocities are later than the positions ({names}): positions are differentiated instead", True)
     if doubtful:
         names = ", ".join(doubtful)
         rows.told(f"velocities do not follow the positions ({names}): positions are differentiated instead", True)
+    if late or doubtful:
         del rows.arrays["velocity"]
+
+
+def _alike(one: Array, other: Array) -> float:
+    """The cosine of the angle between two columns."""
+    return float(one @ other) / float(np.sqrt((one @ one) * (other @ other)) + 1e-300)
+
+
+def _lag(slope: Array, speed: Array, longest: int) -> int:
+    """Rows by which a velocity is later than the slope of its position; 0 where no shift makes them the same."""
+    longest = min(longest, len(speed) // 4)
+    shifts = range(-longest, longest + 1)
+    fits = [_alike(slope[: len(slope) - k], speed[k:]) if k >= 0 else _alike(slope[-k:], speed[:k]) for k in shifts]
+    best = int(np.argmax(fits))
+    return shifts[best] if fits[best] > _SAME and 1.0 - fits[best] < 0.5 * (1.0 - fits[longest]) else 0
 
 
 def limits(rows: Rows, arm: Arm | None) -> None:

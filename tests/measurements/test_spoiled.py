@@ -137,7 +137,7 @@ REPAIRED = [
         gap,
         wrapped,
     ),
-    *(frozen, clipped, spike, garbage, slipped, semicolons, tabs, episodes, other_velocity),
+    *(frozen, clipped, spike, garbage, slipped, semicolons, tabs, episodes),
 ]
 
 
@@ -208,6 +208,7 @@ REFUSED = [
     (scaled(4, -1.0), "column qd0, row 0: positions change -1 times as fast"),
     (scaled(4, 0.001), "column qd0, row 0: positions change 1e+03 times as fast"),
     (scaled(1, 1e6), "column q0, row"),
+    (other_velocity, "column qd0, row 0: expected the velocity of its joint, got that of q1"),
     (nothing, "column tau2, row 0: expected numbers, got none"),
     (twice, "column 'q0': expected it once"),
     (half_text, "row 0: column q2: expected a number, got 'x'"),

@@ -59,6 +59,19 @@ def test_every_push_is_told_with_its_time_and_joint(arm: Arm, record: Record) ->
     assert all(push.joints[0] == "joint_2" and abs(push.size / size - 1.0) < 0.3 for push in found.pushes)
 
 
+def test_stiffer_friction_in_a_short_log_is_no_push(arm: Arm, record: Record) -> None:
+    """Eight seconds are too short to tell a change; a push in them is told beside it."""
+    log = measured(arm, 8.0, 5, noise=0.02)
+    assert log.v is not None
+    stiff = 0.2 * record.torque[1] * np.tanh(log.v / 0.02) * np.array([0.0, 1.0, 0.0])
+    quiet = watch(record, arm, changed(log, stiff))
+    assert quiet.pushes == ()
+    assert quiet.changes == ()
+    pushed = stiff.copy()
+    pushed[(log.t > 4.0) & (log.t < 4.8), 1] += 0.5 * record.torque[1]
+    assert [round(push.start) for push in watch(record, arm, changed(log, pushed)).pushes] == [4]
+
+
 def test_a_load_a_weaker_drive_and_more_friction_are_told_apart(arm: Arm, record: Record) -> None:
     loaded = watch(record, arm, measured(arm, 25.0, 5, noise=0.02, load=1.5))
     (load,) = [change for change in loaded.changes if change.told]
