@@ -142,6 +142,7 @@ PROGRAMS: Final = {
     "fmpy": "opens a window; tests/fmu simulates with the same library",
     "babeltrace2": "tests/iec61499/trace reads traces with it where it is installed",
     "(trap": "starts a FORTE: tests/interop do, where there is one",
+    "fb": "tests/test_package.py tests a block with the distribution of the blocks alone",
     "git": "tests/iec61499/files/test_outline.py asks git for such a view",
     "cc": "tests/services/test_clients.py compiles it where zenoh-pico is",
     "cmake": "builds zenoh-pico, which is fetched by hand",
@@ -160,10 +161,12 @@ HELD: Final = {
     ("docs/connections.md", "text"): "tests/iec61499/net/test_identifiers.py",
     ("docs/connections.md", "toml"): "tests/iec61499/net/test_identifiers.py",
     ("docs/contact.md", "toml"): "test_files_of_the_pages_are_read",
+    ("docs/first-block.md", "xml"): "tests/iec61499/testing/test_pages.py",
+    ("docs/first-block.md", "python"): "tests/iec61499/testing/test_pages.py",
     ("docs/block-tools.md", "python"): "tests/iec61499/testing/test_pages.py",
     ("docs/block-tools.md", "toml"): "tests/iec61499/testing/test_pages.py",
     ("docs/block-tools.md", "text"): "tests/iec61499/files/test_outline.py",
-    ("docs/devices.md", "c"): "test_the_c_of_the_page_compiles",
+    ("docs/machine-code.md", "c"): "test_the_c_of_the_page_compiles",
     ("docs/logs.md", "python"): "test_the_python_of_the_page_of_logs_makes_a_log",
     ("docs/model.md", "text"): "test_the_grammar_of_faults_names_every_word",
     ("docs/ai.md", "json"): "tests/ai/test_cell.py",
@@ -328,7 +331,7 @@ def test_files_of_the_pages_are_read(tmp_path: Path) -> None:
 
 
 def test_the_c_of_the_page_compiles(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (block,) = of("docs/devices.md", "c")
+    (block,) = of("docs/machine-code.md", "c")
     assert main(["fb", "export", "--format", "c", str(tmp_path)]) == 0
     capsys.readouterr()
     given = (

@@ -14,11 +14,11 @@ from tests.support.ports import free_port, listening
 from tests.support.waiting import until
 
 FORTE: Final = os.environ.get("FORTE", "")
-NO_FORTE: Final = "set FORTE to the path of a 4diac FORTE binary, built as docs/devices.md says, to run this"
+NO_FORTE: Final = "set FORTE to the path of a 4diac FORTE binary, built as docs/forte.md says, to run this"
 FORTE_NATIVE: Final = os.environ.get("FORTE_NATIVE", "")
 NO_FORTE_NATIVE: Final = (
     "set FORTE_NATIVE to the path of a 4diac FORTE binary, built with what `dtwin fb export --format forte` writes "
-    "as docs/devices.md says, to run this; several paths with : between them"
+    "as docs/forte.md says, to run this; several paths with : between them"
 )
 FORTES: Final = (
     pytest.param(FORTE, id="forte", marks=pytest.mark.skipif(not FORTE, reason=NO_FORTE)),

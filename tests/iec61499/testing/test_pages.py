@@ -1,4 +1,4 @@
-"""The tests of blocks on docs/block-tools.md, as they stand there; and those of the project's own library."""
+"""The tests of blocks on pages of the documentation, as they stand there; and those of the project's own library."""
 
 from __future__ import annotations
 
@@ -18,6 +18,17 @@ def test_the_tests_of_the_page_pass(tmp_path: Path) -> None:
         (tmp_path / f"test_page_{number}.py").write_text(text)
     (tmp_path / "EVENT_COUNTER.fbt").write_bytes((ROOT / "fb" / "EVENT_COUNTER.fbt").read_bytes())
     assert "2 passed" in run_in(tmp_path, "test_page_0.py")
+
+
+def test_the_first_block_of_the_page_passes_its_tests_and_is_checked(tmp_path: Path) -> None:
+    page = (ROOT / "docs" / "first-block.md").read_text()
+    for name, language in (("BLINK.fbt", "xml"), ("test_blink.py", "python")):
+        (text,) = re.findall(rf"```{language}\n(.*?)```", page, re.DOTALL)
+        (tmp_path / name).write_text(text)
+    assert "2 passed" in run_in(tmp_path)
+    command = [sys.executable, "-m", "dtwin", "fb", "check", str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert (done.returncode, "problems: 0" in done.stdout) == (0, True)
 
 
 def test_the_settings_of_the_page_are_read(tmp_path: Path) -> None:
