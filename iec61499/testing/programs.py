@@ -64,7 +64,7 @@ def _commands(file: Path) -> list[Command]:
 
 def _run_system(file: Path) -> None:
     library = session.current.library(file.parent)
-    bench = SystemBench(library.load_system(file), library)
+    bench = SystemBench(library.load_system(file), library, session.current.runtime == "native")
     try:
         bench.advance(SIMULATED)
     finally:
@@ -85,7 +85,8 @@ def _run_boot_file(file: Path) -> None:
             over.append(True)
             reactor.stop()
 
-        device = EmbeddedDevice(reactor, library, parse_stream_address("127.0.0.1:0"), end)
+        native = session.current.runtime == "native"
+        device = EmbeddedDevice(reactor, library, parse_stream_address("127.0.0.1:0"), end, native=native)
         try:
             device.load_commands(commands, str(file))
             if not over:

@@ -10,6 +10,7 @@ from iec61499 import model
 from iec61499.errors import FunctionBlockError, choices
 from iec61499.library import Library
 from iec61499.mapping import resource_network
+from iec61499.native.hosted import HostedResource
 from iec61499.runtime.checks import Checks, EndOfTest
 from iec61499.runtime.communication import LocalTransport
 from iec61499.runtime.resource import Resource
@@ -19,7 +20,9 @@ from iec61499.testing.coverage import CoveredLibrary
 
 
 class SystemBench:
-    """The resources of a system, whose ports are called `BLOCK.PORT`; of several `DEVICE.RESOURCE.BLOCK.PORT`, too.
+    """The resources of a system, in Python or as machine code.
+
+    Ports are called `BLOCK.PORT`; where there are several resources `DEVICE.RESOURCE.BLOCK.PORT`, too.
 
     Attributes:
         checks: what its TEST_CONDITION blocks have found.
@@ -27,13 +30,14 @@ class SystemBench:
         time: the time since its start, s.
     """
 
-    def __init__(self, system: model.System, library: Library) -> None:
+    def __init__(self, system: model.System, library: Library, native: bool = False) -> None:
         names = [f"{device.name}.{resource.name}" for device in system.devices for resource in device.resources]
         if not names:
             raise FunctionBlockError("has no resource: expected blocks mapped to one", system.header.file)
         transport = LocalTransport()
         self._library = library
-        self._resources = {name: Resource(resource_network(system, name), library, transport) for name in names}
+        kind: type[Resource | HostedResource] = HostedResource if native else Resource
+        self._resources = {name: kind(resource_network(system, name), library, transport) for name in names}
         self.checks = Checks()
         self.ended = False
         for resource in self._resources.values():
@@ -47,7 +51,7 @@ class SystemBench:
     def time(self) -> float:
         return max(resource.time for resource in self._resources.values()) / 1e9
 
-    def resource(self, name: str = "") -> Resource:
+    def resource(self, name: str = "") -> Resource | HostedResource:
         """A resource by `DEVICE.RESOURCE`; without a name the only one. Raises FunctionBlockError."""
         if name not in self._resources and (name or len(self._resources) > 1):
             raise FunctionBlockError(f"unknown resource {name!r}: expected {choices(self._resources)}")
@@ -98,7 +102,7 @@ class SystemBench:
             for resource in self._resources.values():
                 self._library.collect(resource)
 
-    def _located(self, port: str) -> tuple[Resource, str]:
+    def _located(self, port: str) -> tuple[Resource | HostedResource, str]:
         for name, resource in self._resources.items():
             if port.startswith(f"{name}."):
                 return resource, port.removeprefix(f"{name}.")
@@ -123,6 +127,6 @@ def system(file: str | Path, folder: str | Path | None = None) -> SystemBench:
     """
     path = caller_folder(sys._getframe(1).f_globals) / file
     library = session.current.library(Path(folder) if folder is not None else path.parent)
-    made = SystemBench(library.load_system(path), library)
+    made = SystemBench(library.load_system(path), library, session.current.runtime == "native")
     session.current.opened.append(made.close)
     return made

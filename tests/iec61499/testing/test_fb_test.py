@@ -12,9 +12,10 @@ import pytest
 from iec61499 import model
 from iec61499.errors import FunctionBlockError
 from iec61499.library import Library
-from iec61499.testing import programs
+from iec61499.testing import programs, session
 from iec61499.testing.coverage import CoveredLibrary, instrumented
 from iec61499.testing.sequences import Failed, Inapplicable, read_sequences, run_sequence
+from tests.support.iec61499.c_harness import needs_compiler
 from tests.support.iec61499.counter import DRAFT, HOLDS, WRONG, write_counter
 
 PYTHON = """from iec61499.testing import block
@@ -100,8 +101,12 @@ def test_timed_outputs_are_waited_for(tmp_path: Path) -> None:
     run_sequence(sequence, Library([tmp_path]).find("E_DELAY"))
 
 
+@pytest.mark.parametrize("runtime", ["embedded", pytest.param("native", marks=needs_compiler)])
 @pytest.mark.parametrize(("wanted", "problem"), [("TRUE", ""), ("FALSE", "test failed at CHECK")])
-def test_programs_are_tests(tmp_path: Path, wanted: str, problem: str) -> None:
+def test_programs_are_tests(
+    tmp_path: Path, wanted: str, problem: str, runtime: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(session, "current", session.Session(runtime))
     write_counter(tmp_path)
     file = tmp_path / "checked.sys"
     file.write_text(PROGRAM.replace("WANTED", wanted))
