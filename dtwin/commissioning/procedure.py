@@ -16,6 +16,7 @@ from dtwin.identification.machine.sensors import check_sensors
 from dtwin.logs.belonging import check_belonging
 from dtwin.logs.log import Log
 from dtwin.monitoring.calibration import watched
+from dtwin.monitoring.learning.wandering import warmed
 from dtwin.monitoring.offline import stream
 from dtwin.parameters import ArmParameters, Triple
 from dtwin.simulation.proposal import propose
@@ -112,7 +113,7 @@ def commission(
     seen = stream(work)
     progress("watching the arm")
     known = stages.result("monitor", Healthy, calibrated)
-    return Commissioned(
-        msgspec.structs.replace(weighed(identification.record, load), settings=settings, healthy=known),
-        identification,
-    )
+    record = weighed(identification.record, load)
+    remarks = [*record.remarks, *filter(None, [warmed(known)])]
+    record = msgspec.structs.replace(record, settings=settings, healthy=known, remarks=remarks)
+    return Commissioned(record, identification)

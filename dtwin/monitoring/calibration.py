@@ -41,6 +41,7 @@ from dtwin.monitoring.estimation.kernels import swung
 from dtwin.monitoring.estimation.layout import ARM_NAMES, INDEX, MOVING, TORQUE
 from dtwin.monitoring.estimation.tuning import Tuning
 from dtwin.monitoring.kinds import BIAS, JUMPS, plausible_sizes
+from dtwin.monitoring.learning.wandering import wandered
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import Stream
 from dtwin.monitoring.sensing.commands import closes
@@ -123,7 +124,8 @@ def calibrated(belief: Belief, seen: Stream, progress: Callable[[str], None] = l
         raise ParameterError(f"the log has {len(seen) * PERIOD:g} s: expected at least {LEAST:g} s of healthy work")
     error = _chosen(belief, seen.part(0, TRIED), progress)
     progress("watches the arm to learn it")
-    learned = _after(replace(belief, error=error), seen)
+    belief = replace(belief, error=error)
+    learned = _after(replace(belief, rates=wandered(belief, seen)), seen)
     learned = replace(learned, error=_pushed(learned, seen))
     error = learned.error
     progress(
@@ -155,6 +157,7 @@ def watched(
         learned={name: Learned(values[name], spread[name]) for name in LEARNED},
         duration=round(len(seen) * PERIOD, 2),
         closing=error.closing,
+        rates=dict(belief.rates),
     )
     return msgspec.structs.replace(record, healthy=healthy)
 

@@ -84,6 +84,8 @@ class Healthy(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         duration: how long the machine was watched, s.
         closing: standard deviation of torques while jaws close that hold no box yet, N m; None in records of before
             they were watched, where it is that of `grip`.
+        rates: rates at which parameters changed from the first third of that time to the second, and from there to
+            the last, as shares, 1/s, of those that certainly did.
     """
 
     slow: tuple[NotNegative, NotNegative, NotNegative]
@@ -97,6 +99,7 @@ class Healthy(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     learned: dict[str, Learned]
     duration: NotNegative
     closing: NotNegative | None = None
+    rates: dict[str, tuple[float, float]] = {}
 
 
 class EncoderCheck(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

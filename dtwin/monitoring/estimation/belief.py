@@ -32,6 +32,7 @@ WIDENED: Final = 2.0
 """factor on identified standard errors: they rest on one experiment"""
 TIMING: Final = 5e-4
 """s, standard deviation that delay and lag together are taken to have where an arm has them, less than either has"""
+_MINUTE: Final = 60.0
 _BIAS: Final = ("offset1", "offset2", "offset3")
 
 
@@ -119,6 +120,8 @@ class Belief:
         error: what the model does not explain of the healthy arm.
         tails: how far the monitor's statistic of each fault goes while the arm is healthy, by fault.
         misfit: mean square of some innovations in standard deviations that the healthy arm does not pass.
+        rates: rates at which parameters were seen to change while the arm was healthy, as shares, 1/s, by name;
+            earlier and later ones.
 
     Raises:
         ParameterError: a shape or a number is wrong.
@@ -134,6 +137,7 @@ class Belief:
     error: Unmodelled = Unmodelled()
     tails: Mapping[str, Tail] = field(default_factory=dict)
     misfit: float = 2.0
+    rates: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         count = len(ARM_NAMES)
@@ -147,6 +151,11 @@ class Belief:
             raise ParameterError(f"noise: expected at least 0 rad, got {self.noise}")
         if not min(self.clip) > 0:
             raise ParameterError(f"clip: expected numbers above 0, got {self.clip}")
+
+    def walk(self, name: str) -> float:
+        """Standard deviation, as a share, that a parameter gains in one second by such change: that of a random walk
+        which comes as far in a minute, 0 of what does not change."""
+        return max(map(abs, self.rates.get(name, (0.0,)))) * math.sqrt(_MINUTE)
 
     @property
     def dry_friction(self) -> Array:
@@ -234,6 +243,7 @@ def commissioned(record: MachineRecord) -> Belief:
         ),
         tails={fault: Tail(tail.level, tail.rate, tail.excess) for fault, tail in known.tails.items()},
         misfit=known.misfit,
+        rates=known.rates,
     )
 
 

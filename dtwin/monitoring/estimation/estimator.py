@@ -90,7 +90,8 @@ class Estimator:
         self._walk = np.zeros(SIZE)
         self._walk[BIAS:DRIFT] = tuning.offset_walk**2 * PERIOD
         for name in ARM_NAMES:
-            self._walk[INDEX[name]] = (tuning.walk * arm.get(name)) ** 2 * PERIOD
+            share = max(tuning.walk, belief.walk(name))
+            self._walk[INDEX[name]] = (share * arm.get(name)) ** 2 * PERIOD
         error = belief.error
         self.memory = math.exp(-PERIOD / error.memory)
         self._walk[TORQUE:MOVING] = np.square(error.slow) * (1.0 - self.memory**2)

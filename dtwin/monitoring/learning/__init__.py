@@ -1,0 +1,1 @@
+"""What the monitor learns of a healthy arm at work, beside what its model lacks."""
