@@ -14,7 +14,7 @@ A folder holds logs, a description of the arm, and `benchmark.toml`, which says 
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -25,12 +25,14 @@ from dtwin.arm.chain import Arm, Array
 from dtwin.arm.urdf import read_urdf
 from dtwin.campaign.spread import Progress
 from dtwin.errors import IdentificationError, RecordingError
+from dtwin.experiments.figaroh import ABSENT, Figaroh
 from dtwin.experiments.report import Report, page, table
 from dtwin.files import reason_of
 from dtwin.identification.chain.baseline import Baseline, Regressor
 from dtwin.identification.chain.design import Filtering
 from dtwin.identification.chain.identify import Sample, Settings, identify, unexplained
 from dtwin.measurements.columns import read_map
+from dtwin.measurements.measurement import Measurement
 from dtwin.measurements.reading import read_measurement
 
 FILE: Final = "benchmark.toml"
@@ -57,11 +59,17 @@ class Tested(msgspec.Struct, frozen=True):
         file: its name.
         ours: unexplained share of the torque, joint by joint.
         theirs: that of ordinary least squares.
+        figaroh: that of figaroh; empty where it is not installed.
     """
 
     file: str
     ours: tuple[float, ...]
     theirs: tuple[float, ...]
+    figaroh: tuple[float, ...] = ()
+
+    def joints(self) -> list[tuple[float, ...]]:
+        """The shares of all who were asked, joint by joint."""
+        return list(zip(*(shares for shares in (self.ours, self.theirs, self.figaroh) if shares), strict=True))
 
 
 class Load(msgspec.Struct, frozen=True):
@@ -83,6 +91,7 @@ class Benchmark(msgspec.Struct, frozen=True):
         loads: loads that were found.
         groups: friction terms that proved themselves on the training files.
         fit_seconds: time that identification and least squares took.
+        figaroh: its version where it was asked, or why not.
     """
 
     source: str
@@ -91,6 +100,7 @@ class Benchmark(msgspec.Struct, frozen=True):
     loads: tuple[Load, ...]
     groups: tuple[str, ...]
     fit_seconds: tuple[float, float]
+    figaroh: str = ABSENT
 
     @property
     def ratios(self) -> Array:
@@ -142,14 +152,24 @@ def real_experiment(folder: Path, progress: Progress) -> Benchmark:
     empty = [logs[name] for name in plan.train if name not in plan.load]
     baseline = Baseline(arm, empty, found.found.gain, Filtering(), of)
     theirs = time.perf_counter() - began
+    peer, said = _figaroh(folder / plan.arm, arm, empty, found.found.gain)
     tested = []
     for name in plan.test:
-        shares = unexplained(*found.predicted(logs[name])), unexplained(*baseline.predicted(logs[name]))
+        shares = [unexplained(*each.predicted(logs[name])) for each in (found, baseline, peer) if each is not None]
         tested.append(Tested(name, *(tuple(share.tolist()) for share in shares)))
     if not tested:
         raise IdentificationError(f"{folder / FILE}: expected at least one file to test")
     loads = [Load(n, found.load(n)[0], _NINETY_FIVE * found.load(n)[1], _true(plan, n)) for n in plan.load]
-    return Benchmark(plan.source, whose, tuple(tested), tuple(loads), found.groups, (ours, theirs))
+    return Benchmark(plan.source, whose, tuple(tested), tuple(loads), found.groups, (ours, theirs), said)
+
+
+def _figaroh(urdf: Path, arm: Arm, logs: Sequence[Measurement], gain: Array) -> tuple[Figaroh | None, str]:
+    """figaroh's fit and its name; why there is none."""
+    try:
+        peer = Figaroh(urdf, arm, logs, gain)
+    except ImportError as error:
+        return None, str(error) if "joints" in str(error) else ABSENT
+    return peer, peer.name
 
 
 def _true(plan: Plan, name: str) -> float | None:
@@ -181,7 +201,7 @@ def real_report(result: Benchmark) -> Report:
     joints = range(1, len(result.tested[0].ours) + 1)
     head = ["file", *(f"joint {joint}" for joint in joints)]
     rows = [
-        [each.file, *(f"{a:.3f} / {b:.3f}" for a, b in zip(each.ours, each.theirs, strict=True))]
+        [each.file, *(" / ".join(f"{share:.3f}" for share in shares) for shares in each.joints())]
         for each in result.tested
     ]
     rows.append(["ratio, geometric mean", *(f"{ratio:.2f}" for ratio in result.ratios)])
@@ -189,17 +209,26 @@ def real_report(result: Benchmark) -> Report:
     overall = float(np.exp(np.mean(np.log(result.ratios))))
     ours, theirs = result.fit_seconds
     friction = ", ".join(result.groups) or "basic alone"
+    beside = " / figaroh" if result.tested[0].figaroh else ""
     words = (
         f"{result.source or 'The logs have no source.'} Root mean square of the torque that is not explained, in "
         f"parts of its standard deviation, on files that were not fitted: ours / ordinary least squares on "
-        f"{result.baseline}. Both see the torque through the same filter. Over all joints the ratio is "
+        f"{result.baseline}{beside}. All see the torque through the same filter. Over all joints the ratio is "
         f"{overall:.2f}. Friction that proved itself on the training files: {friction}. Identification took "
-        f"{ours:.1f} s, least squares {theirs:.1f} s."
+        f"{ours:.1f} s, least squares {theirs:.1f} s. {_peer_words(result)}"
     )
     parts = [words, table(head, rows)]
     if loads:
         parts.append(table(["load", "found, kg", "95 % interval", "known, kg"], loads))
     return page("Real logs", *parts)
+
+
+def _peer_words(result: Benchmark) -> str:
+    """What came of figaroh: our share over its, the geometric mean over files and joints, or why it was not asked."""
+    if not result.tested[0].figaroh:
+        return f"{result.figaroh}."
+    logs = [np.log(each.ours) - np.log(each.figaroh) for each in result.tested]
+    return f"Against {result.figaroh} the ratio is {float(np.exp(np.mean(logs))):.2f}."
 
 
 def _known(mass: float | None) -> str:

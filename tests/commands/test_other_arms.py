@@ -69,7 +69,11 @@ def test_a_folder_of_logs_is_a_benchmark(folder: Path, capsys: pytest.CaptureFix
     found = json.loads(capsys.readouterr().out)
     assert max(found["ratios"]) < 1.0
     assert abs(found["loads"][0]["found"] - found["loads"][0]["truth"]) < found["loads"][0]["half"] + 0.02
-    assert "Real logs" in (folder / "out" / "report.html").read_text()
+    report = (folder / "out" / "report.html").read_text()
+    assert "Real logs" in report
+    assert "figaroh" in report  # its figures, or how to get it
+    asked = found["tested"][0]["figaroh"]
+    assert len(asked) == (2 if "not installed" not in found["figaroh"] else 0)
     (folder / "benchmark.toml").write_text(plan.replace("train", "trains"))
     assert "benchmark.toml: expected a benchmark" in complain(capsys, "experiment", "real", ".")
 

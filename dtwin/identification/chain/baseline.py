@@ -63,24 +63,38 @@ class Baseline:
         return torque, matrix @ self.solution
 
     def _equations(self, measurements: Sequence[Measurement]) -> tuple[Array, Array]:
-        cutoff = self._filtering.cutoff
         matrices, torques = [], []
-        for stretch in [part for m in measurements for part in smooth(m, Filtering(cutoff, 1.0))]:
-            dt = stretch.dt
-            v = low_passed(stretch.v, dt, cutoff)
-            a = low_passed(np.gradient(v, dt, axis=0), dt, cutoff)
-            rigid = self._regressor(low_passed(stretch.q, dt, cutoff), v, a)
+        for q, v, a, effort in filtered(measurements, self._filtering):
             n = v.shape[1]
             friction = np.zeros((len(v), n, 3 * n))
             for joint in range(n):
                 mine = v[:, joint]
                 terms = [np.ones_like(mine), mine, np.tanh(mine / _COULOMB)]
                 friction[:, joint, 3 * joint : 3 * joint + 3] = np.stack(terms, axis=1)
-            moves = np.flatnonzero((np.abs(v) > 0.03 * np.array([s.speed for s in scales_of([stretch])])).any(axis=1))
-            edge = round(2.5 / cutoff / dt)
-            kept = slice(max(moves[0], edge), min(moves[-1], len(v) - edge)) if len(moves) else slice(0, 0)
-            matrices.append(np.concatenate([rigid, friction], axis=2)[kept])
-            torques.append(low_passed(stretch.effort, dt, cutoff)[kept] * self._gain)
-        if not matrices:
-            raise IdentificationError("expected a stretch of motion without a gap of at least two seconds")
+            matrices.append(np.concatenate([self._regressor(q, v, a), friction], axis=2))
+            torques.append(effort * self._gain)
         return np.concatenate(matrices), np.concatenate(torques)
+
+
+def filtered(measurements: Sequence[Measurement], filtering: Filtering) -> list[tuple[Array, Array, Array, Array]]:
+    """Positions, velocities, accelerations and efforts of every stretch, (N, n) each, through one filter.
+
+    What the filter does at the ends of a stretch and what lies before the first and after the last motion is cut off.
+
+    Raises:
+        IdentificationError: no stretch is long enough.
+    """
+    cutoff, found = filtering.cutoff, []
+    for stretch in [part for m in measurements for part in smooth(m, Filtering(cutoff, 1.0))]:
+        dt = stretch.dt
+        v = low_passed(stretch.v, dt, cutoff)
+        a = low_passed(np.gradient(v, dt, axis=0), dt, cutoff)
+        moves = np.flatnonzero((np.abs(v) > 0.03 * np.array([s.speed for s in scales_of([stretch])])).any(axis=1))
+        edge = round(2.5 / cutoff / dt)
+        kept = slice(max(moves[0], edge), min(moves[-1], len(v) - edge)) if len(moves) else slice(0, 0)
+        columns = low_passed(stretch.q, dt, cutoff), v, a, low_passed(stretch.effort, dt, cutoff)
+        q, v, a, effort = (column[kept] for column in columns)
+        found.append((q, v, a, effort))
+    if not found:
+        raise IdentificationError("expected a stretch of motion without a gap of at least two seconds")
+    return found
