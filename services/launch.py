@@ -137,7 +137,7 @@ class CellOptions(PlantOptions, ControlOptions, OtherArmOptions):
             raise ParameterError(f"--silence {self.silence:g}: expected a time above {ALARMING:g} s")
         if self.commissioned is not None and (self.model is not None or not self.monitoring):
             raise ParameterError("--commissioned: expected --monitoring too, and no --model beside it")
-        if self.recovery is not None and not (self.monitoring and self.identification and self.simulation):
+        if self.recovery and other is None and not (self.monitoring and self.identification and self.simulation):
             raise ParameterError(
                 "--recovery: expected --monitoring, --identification and --simulation too, by which it works"
             )

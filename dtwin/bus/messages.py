@@ -10,7 +10,7 @@ from typing import Annotated, Final, Literal, NamedTuple
 
 import msgspec
 
-from dtwin.bus.chain.messages import JointCommands, JointSensors, JointTicks
+from dtwin.bus.chain.messages import JointAdjustment, JointCommands, JointSensors, JointTicks
 from dtwin.bus.controller.messages import IdentificationSignal, SettingsInForce, SettingsRequest, SignalRequest
 from dtwin.bus.line.messages import FlowEffect, LineState, SetUpDone, SetUpQuestion, SetUpRequest, StationWord
 from dtwin.bus.proposals.messages import (
@@ -318,12 +318,14 @@ TICKS: Final = Topic("ticks", "publication", PassedTicks, None, "emulator")
 JOINT_SENSORS: Final = Topic("joints/sensors", "publication", JointSensors, None, "emulator", urgent=True)
 JOINT_COMMANDS: Final = Topic("joints/commands", "publication", JointCommands, None, "bridge", urgent=True)
 JOINT_TICKS: Final = Topic("joints/ticks", "publication", JointTicks, None, "emulator")
+ADJUSTED: Final = Topic("joints/adjustment", "publication", JointAdjustment, None, "bridge")
 EVENTS: Final = Topic("events", "publication", Event, None, "any service")
 STATUS: Final = Topic("status/*", "publication", Status, None, "every service")
 ALIVE: Final = Topic("alive/*", "token", None, None, "every service")
 PATH: Final = Topic("path", "publication", Path, None, "bridge", urgent=True)
 SETTINGS: Final = Topic("controller/settings", "query", SettingsRequest, SettingsInForce, "bridge")
 SIGNAL: Final = Topic("controller/signal", "query", SignalRequest, IdentificationSignal, "bridge")
+ADJUSTMENT: Final = Topic("controller/adjustment", "query", JointAdjustment, JointAdjustment, "bridge")
 STOP: Final = Topic("controller/stop", "query", StopRequest, StopState, "bridge")
 RELEASE: Final = Topic("controller/release", "query", ReleaseRequest, StopState, "bridge")
 DESK: Final = Topic("controller/desk", "query", DeskRequest, DeskState, "bridge")
@@ -374,21 +376,10 @@ SET_UP: Final = Topic("twin/overall/setup", "query", SetUpRequest, SetUpDone, "l
 LINE_STOP: Final = Topic("twin/overall/stop", "query", StationWord, LineState, "line", patience=CHECKED)
 LINE_RELEASE: Final = Topic("twin/overall/release", "query", StationWord, LineState, "line", patience=CHECKED)
 TOPICS: Final = (
-    *(
-        SENSORS,
-        VOLTAGES,
-        ACTED,
-        PATH,
-        TRUTH,
-        TICKS,
-        JOINT_SENSORS,
-        JOINT_COMMANDS,
-        JOINT_TICKS,
-        EVENTS,
-        STATUS,
-        ALIVE,
-    ),
-    *(SETTINGS, SIGNAL, STOP, RELEASE, DESK, FAULT, RESET, LATCH, SAMPLE_BACKLOG, ANSWER_BACKLOG, SUMMARY),
+    *(SENSORS, VOLTAGES, ACTED, PATH, TRUTH, TICKS),
+    *(JOINT_SENSORS, JOINT_COMMANDS, JOINT_TICKS, ADJUSTED, EVENTS, STATUS, ALIVE),
+    *(SETTINGS, SIGNAL, ADJUSTMENT, STOP, RELEASE, DESK),
+    *(FAULT, RESET, LATCH, SAMPLE_BACKLOG, ANSWER_BACKLOG, SUMMARY),
     *(IDENTIFICATION, IDENTIFY, DECIDE, UPLOAD, PREDICT, ROLL_BACK, LOOK, PROPOSE, DECIDE_PROPOSAL, ANSWER),
     *(MONITORING, RESIDUALS, ACKNOWLEDGE, WATCH),
     *(LINE_STATE, LINE_PREDICT, LINE_LOOK, LINE_PROPOSE, LINE_DECIDE, SET_UP, LINE_STOP, LINE_RELEASE),

@@ -14,12 +14,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from dtwin.bus.chain.messages import JointCommands, JointSensors
-from dtwin.bus.messages import EVENTS, JOINT_COMMANDS, JOINT_SENSORS, State
+import numpy as np
+
+from dtwin.arm.adjustment import Adjustment
+from dtwin.bus.chain.messages import JointAdjustment, JointCommands, JointSensors
+from dtwin.bus.messages import ADJUSTED, ADJUSTMENT, EVENTS, JOINT_COMMANDS, JOINT_SENSORS, State
 from dtwin.controller.chain.application import inputs
 from dtwin.controller.chain.embedded import ChainController
 from dtwin.equations.rigid import usual_inertia
-from dtwin.errors import CommunicationError
+from dtwin.errors import CommunicationError, ParameterError
 from dtwin.run.chain import ChainSettings
 from dtwin.services.chain.options import ArmCellOptions
 from dtwin.services.parts.stopping.stops import Stops
@@ -31,6 +34,7 @@ from dtwin.signals import STOPS, ArmState, Event, EventKind, Stop
 log = logging.getLogger(__name__)
 
 NAME: Final = "bridge"
+_DATA_SHEET: Final = "the arm of the data sheet"
 WAIT: Final = 0.2
 """Longest wait for a sample before the status is looked after, s."""
 
@@ -72,12 +76,16 @@ class ArmBridge:
         self._settings = settings
         self._inputs = inputs(settings.arm, usual_inertia(settings.arm), settings.control, settings.poses)
         self._blocks = OwnBlocks(self._begun)
+        joints = Adjustment.none(len(settings.arm))
+        self._in_force = JointAdjustment(NAME, _DATA_SHEET, joints.offset, joints.strength, joints.friction)
         self._last: JointCommands | None = None
         self._before: JointSensors | None = None
         self._answered = self._skipped = 0
         self._fallen = False
         self._publish = bus.publisher(JOINT_COMMANDS, lossless=lossless)
         self._tell: Callable[[Event], None] = bus.publisher(EVENTS)
+        self._tell_adjusted: Callable[[JointAdjustment], None] = bus.publisher(ADJUSTED)
+        bus.answer(ADJUSTMENT, JointAdjustment, self._adjust, lambda: self._in_force)
         bus.subscribe(EVENTS, Event, self._note)
         bus.subscribe(JOINT_SENSORS, JointSensors, service.inbox.put)
         self._stops = Stops(bus, self._publish.sender, lambda: self._blocks, self._time)
@@ -87,6 +95,7 @@ class ArmBridge:
         """Works until it is asked to end."""
         service = self._service
         service.ready()
+        self._tell_adjusted(self._in_force)
         while not service.stopping:
             sample = service.next(WAIT)
             if sample is not None:
@@ -98,6 +107,7 @@ class ArmBridge:
                 stopped = self._stops.stop != "none"
                 state: State = "waiting" if not self._stops.known else "stopped" if stopped else "running"
                 service.report(state, self._answered, time=self._time(), late_ticks=self._skipped)
+                self._tell_adjusted(self._in_force)
 
     def _answer(self, sample: JointSensors) -> None:
         """Answers a sample, unless a newer one waits; the same sample has the same answer."""
@@ -112,6 +122,8 @@ class ArmBridge:
             return
         gap = 1 if before is None else sample.sequence - before.sequence
         if gap < 1:  # an arm that begins anew: its blocks do so, too, and may not forget a stop
+            none = Adjustment.none(len(self._settings.arm))
+            self._put(JointAdjustment(NAME, _DATA_SHEET, none.offset, none.strength, none.friction))
             self._begin_anew(sample, "the arm has begun anew")
         elif gap > GAP or self._fallen:
             self._begin_anew(sample, "it was without torque" if self._fallen else f"{gap - 1} samples were missed")
@@ -126,6 +138,27 @@ class ArmBridge:
         if self._service.inbox.empty():  # else a newer sample waits, or the same one again
             self._publish(answer)
         self._answered += 1
+
+    def _adjust(self, wished: JointAdjustment) -> JointAdjustment:
+        """Lets the blocks count on what was found, on Zenoh's thread.
+
+        Raises:
+            ParameterError: it is for another number of joints, or cannot be.
+        """
+        n = len(self._settings.arm)
+        if {len(wished.offset), len(wished.strength), len(wished.friction)} != {n}:
+            raise ParameterError(f"adjustment: expected {n} values of offset, strength and friction each")
+        numbers = np.array([*wished.offset, *wished.strength, *wished.friction, wished.load])
+        if not np.isfinite(numbers).all() or min(wished.strength) <= 0.0 or min(wished.friction) < 0.0:
+            raise ParameterError("adjustment: expected finite numbers, strength above 0 and friction of at least 0")
+        self._put(wished)
+        self._tell(Event(self._time(), EventKind.UPLOAD, f"{wished.who}: {wished.why}"[:1000]))
+        return wished
+
+    def _put(self, wished: JointAdjustment) -> None:
+        self._blocks.adjust(Adjustment(wished.offset, wished.strength, wished.friction, wished.load))
+        self._in_force = wished
+        self._tell_adjusted(wished)
 
     def _begin_anew(self, sample: JointSensors, why: str) -> None:
         self._fallen = False
@@ -156,13 +189,22 @@ class OwnBlocks:
         self._make = make
         self._lock = threading.Lock()
         self._controller = make()
+        self._adjustment: Adjustment | None = None
         self.stop: Stop = "none"
 
     def begin(self) -> None:
         """Puts new blocks in their place."""
         controller = self._make()
         with self._lock:
+            if self._adjustment is not None:
+                controller.adjust(self._adjustment)
             self._controller = controller
+
+    def adjust(self, found: Adjustment) -> None:
+        """Lets these blocks, and those that come in their place, count on what was found."""
+        with self._lock:
+            self._adjustment = found
+            self._controller.adjust(found)
 
     def step(self, sample: JointSensors) -> JointCommands:
         """The answer of the blocks to a sample."""

@@ -16,9 +16,10 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from dtwin.arm.adjustment import Adjustment
 from dtwin.arm.chain import Array
-from dtwin.bus.chain.messages import JointTick, JointTicks
-from dtwin.bus.messages import ACKNOWLEDGE, EVENTS, JOINT_TICKS, MONITORING, WATCH, State
+from dtwin.bus.chain.messages import JointAdjustment, JointTick, JointTicks
+from dtwin.bus.messages import ACKNOWLEDGE, ADJUSTED, EVENTS, JOINT_TICKS, MONITORING, WATCH, State
 from dtwin.bus.twin_messages import AcknowledgeRequest, MonitoringVerdict, WatchRequest, WatchState
 from dtwin.errors import CommunicationError, DtwinError, ParameterError
 from dtwin.monitoring.chain.finding import ChainFinding
@@ -124,11 +125,13 @@ class Watching:
         self._demands = demands
         self._running = True
         self._done = 0
+        self._adjustment = Adjustment.none(len(settings.arm))
         self._begin_anew()
         bus = service.bus
         self._tell_event: Callable[[Event], None] = bus.publisher(EVENTS)
         self._tell_verdict: Callable[[MonitoringVerdict], None] = bus.publisher(MONITORING)
         bus.subscribe(JOINT_TICKS, JointTicks, service.inbox.put)
+        bus.subscribe(ADJUSTED, JointAdjustment, service.inbox.put)
         bus.answer(ACKNOWLEDGE, AcknowledgeRequest, self._ask, lambda: self._ask(None))
         bus.answer(WATCH, WatchRequest, self._switch, lambda: self._state(self._running))
 
@@ -140,6 +143,8 @@ class Watching:
             item = service.next(0.2)
             if isinstance(item, JointTicks):
                 self._take(item)
+            elif isinstance(item, JointAdjustment):
+                self._adjust(item)
             elif isinstance(item, _Asked):
                 self._answer(item)
             elif isinstance(item, WatchRequest):
@@ -155,6 +160,14 @@ class Watching:
         self._next = 0.0
         if self._demands is not None:
             self._demands.stand(frozenset())
+
+    def _adjust(self, message: JointAdjustment) -> None:
+        """Goes on with what the blocks count on now, if that is something else than before."""
+        now = Adjustment(message.offset, message.strength, message.friction, message.load)
+        if len(now.offset) == len(self._settings.arm) and now != self._adjustment:
+            self._adjustment = now
+            self._monitor.adjust(now)
+            self._tell_news()
 
     def _take(self, passed: JointTicks) -> None:
         if not self._running:

@@ -24,7 +24,7 @@ KNOWN: Final = frozenset(
     {
         *("arm", "cell_file", "machine", "poses", "path", "sort", "late", "seed", "fault"),
         *("pace", "duration", "log", "cell", "zenoh", "detach", "json"),
-        *("monitoring", "safe_stop", "silence", "healthy"),
+        *("monitoring", "safe_stop", "silence", "healthy", "recovery"),
     }
 )
 """Options of `dtwin up` that mean something for any arm."""
@@ -96,6 +96,10 @@ def other_arm(options: Any) -> OtherArm | None:
     _refuse_others(options)
     if options.healthy is not None and not (options.monitoring and LEAST_HEALTHY <= options.healthy < math.inf):
         raise ParameterError(f"--healthy: expected --monitoring beside it, and at least {LEAST_HEALTHY:g} s")
+    if options.recovery is not None and (options.recovery != "act" or not options.monitoring or options.safe_stop):
+        raise ParameterError(
+            "--recovery: expected act for another arm than the thesis's, with --monitoring and without --safe-stop"
+        )
     task = {name: getattr(options, name) for name in ("poses", "path", "sort")}
     if any(each is not None for each in task.values()):
         given |= task
@@ -127,6 +131,8 @@ def programs_of(other: OtherArm, options: Any, link: list[str]) -> list[Program]
         stop = ["--safe-stop"] if options.safe_stop else []
         healthy = [] if options.healthy is None else ["--healthy", str(options.healthy)]
         programs.append(_service("monitoring", [*link, *other.words, *healthy, *stop]))
+    if options.recovery is not None:
+        programs.append(_service("recovery", [*link, *other.words]))
     if options.safe_stop:  # The arm does not move before it is watched.
         waits += ["--monitored", str(options.silence), "--wait-for", "monitoring"]
     programs.append(_service("bridge", [*link, *other.words, *lossless, *waits]))

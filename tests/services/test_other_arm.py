@@ -7,11 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as pq
+import pytest
 
 from dtwin.arm.file import MODELS
-from dtwin.bus.chain.messages import JointSensors
-from dtwin.bus.messages import EVENTS, FAULT, JOINT_SENSORS, MONITORING, Done, FaultRequest
+from dtwin.bus.chain.messages import JointAdjustment, JointSensors
+from dtwin.bus.messages import ADJUSTMENT, EVENTS, FAULT, JOINT_SENSORS, MONITORING, Done, FaultRequest
 from dtwin.bus.twin_messages import MonitoringVerdict
+from dtwin.errors import CommunicationError
 from dtwin.services.chain.starting import ENDINGS
 from dtwin.services.runfile import join
 from dtwin.signals import Event
@@ -90,3 +92,29 @@ def test_the_monitor_of_another_arm_learns_it_names_a_fault_and_has_it_stopped(d
         assert "no finding 'K2': expected K1" in desk.run("monitor", "acknowledge", "K2", status=2)
         assert "joint 1   not commissioned" in desk.run("monitor", "acknowledge", "K1")
     assert desk.run("release").startswith("none")
+
+
+def test_recovery_lets_the_blocks_of_another_arm_count_on_what_was_found(desk: Desk) -> None:
+    words = ["--arm", "planar-2r", "--machine", "7", "--pace", "lockstep", "--monitoring", "--healthy", "15"]
+    assert "expected act for another arm" in desk.run("up", *words, "--recovery", "propose", status=2)
+    desk.detach(*words, "--recovery", "act")
+    verdicts: list[MonitoringVerdict] = []
+    events: list[Event] = []
+    with join("cell") as bus:
+        bus.subscribe(MONITORING, MonitoringVerdict, verdicts.append)
+        bus.subscribe(EVENTS, Event, events.append)
+        until(lambda: verdicts and verdicts[-1].units["joint 1"].state == "nominal", "the arm is known", 60.0)
+        bus.ask(FAULT, FaultRequest(("K1*=0.7@0",)), Done)
+        until(lambda: any(event.kind == "recovery" for event in events), "the fault is answered", 60.0)
+        found = bus.ask(ADJUSTMENT, None, JointAdjustment)
+        assert found.who == "recovery"
+        assert found.strength == pytest.approx((0.7, 1.0), abs=0.05)
+        seen = len(verdicts)
+        until(lambda: len(verdicts) > seen + 20, "the arm works on")
+        assert {unit.state for unit in verdicts[-1].units.values()} == {"nominal"}
+        wrong = JointAdjustment("test", "too few", (0.0,), (1.0,), (1.0,))
+        with pytest.raises(CommunicationError, match="expected 2 values of offset, strength and friction"):
+            bus.ask(ADJUSTMENT, wrong, JointAdjustment)
+        bus.ask(FAULT, FaultRequest(("lock2@0",)), Done)
+        until(lambda: any(event.kind == "help" for event in events), "a person is called", 60.0)
+    assert desk.summary()["services"]["bridge"]["state"] == "stopped"

@@ -9,7 +9,7 @@ from typing import Annotated, Final
 
 import msgspec
 
-from dtwin.signals import SCHEMA, Count, Seconds
+from dtwin.signals import SCHEMA, Count, Line, Seconds, Word
 
 MOST_JOINTS: Final = 64
 TOGETHER: Final = 5
@@ -65,3 +65,23 @@ class JointTicks(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
     """
 
     ticks: Annotated[tuple[JointTick, ...], msgspec.Meta(min_length=1, max_length=TOGETHER)]
+
+
+class JointAdjustment(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """What the blocks of an arm count on beside its data sheet, wished by whoever asks, or in force.
+
+    Attributes:
+        who: who has found it.
+        why: reason in the words of who asks.
+        offset: what each encoder reads too much, rad or m.
+        strength: torque of each drive in parts of what it should give.
+        friction: friction of each joint in parts of what it should be.
+        load: mass of a further load at the tool, kg.
+    """
+
+    who: Word
+    why: Line
+    offset: Joints
+    strength: Joints
+    friction: Joints
+    load: float = 0.0

@@ -10,7 +10,7 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from dtwin.arm.urdf import read_urdf
+from dtwin.arm.chain import Arm
 from dtwin.files import ensure_writable, replacing
 from dtwin.measurements.checks import measurement_of
 from dtwin.measurements.columns import checked_map, guess_map, map_text, read_map
@@ -32,8 +32,9 @@ class LogShow:
     """CSV, Parquet, NPZ, MAT or MCAP file, or the folder of a LeRobot data set or of a rosbag2."""
     columns: Path | None = None
     """TOML file that says what the columns mean; guessed if not given."""
-    arm: Path | None = None
-    """URDF file of the arm, by whose joints and limits the log is checked."""
+    arm: str | None = None
+    """The arm by whose joints and limits the log is checked: a name of arms/, its file (*.toml) or a model (*.urdf,
+    *.xml)."""
     tip: str | None = None
     """Last link of the chain (--arm); the end of the longest chain if not given."""
     map: Path | None = None
@@ -47,7 +48,7 @@ class LogShow:
         for path, ending in ((self.map, ".toml"), (self.page, ".html")):
             if path is not None:
                 ensure_writable(path, ending)
-        arm = None if self.arm is None else read_urdf(self.arm, tip=self.tip)
+        arm = _arm(self.arm, self.tip)
         joints = None if arm is None else len(arm)
         table = table_of(self.log)
         columns = guess_map(table, joints) if self.columns is None else read_map(self.columns)
@@ -96,8 +97,9 @@ class LogConvert:
     """File to write, which ends in .csv, .parquet or .mcap."""
     columns: Path | None = None
     """TOML file that says what the columns mean; guessed if not given."""
-    arm: Path | None = None
-    """URDF file of the arm, by whose joints and limits the log is checked and named."""
+    arm: str | None = None
+    """The arm by whose joints and limits the log is checked and named: a name of arms/, its file (*.toml) or a model
+    (*.urdf, *.xml)."""
     tip: str | None = None
     """Last link of the chain (--arm); the end of the longest chain if not given."""
     json: bool = False
@@ -105,7 +107,7 @@ class LogConvert:
 
     def execute(self) -> int:
         ensure_writable(self.out, *ENDINGS)
-        arm = None if self.arm is None else read_urdf(self.arm, tip=self.tip)
+        arm = _arm(self.arm, self.tip)
         joints = None if arm is None else len(arm)
         table = table_of(self.log)
         columns = guess_map(table, joints) if self.columns is None else read_map(self.columns)
@@ -119,3 +121,16 @@ class LogConvert:
             for line in [*summary(found), *oddities(found), f"written: {self.out}"]:
                 console.print(as_text(line))
         return 1 if any(not odd.repaired for odd in found.oddities) else 0
+
+
+def _arm(text: str | None, tip: str | None) -> Arm | None:
+    """The arm that --arm stands for; None without it.
+
+    Raises:
+        ModelError: there is no such arm, or its files cannot be used.
+    """
+    if text is None:
+        return None
+    from dtwin.emulation.chain.arms import arm_of  # loads MuJoCo, which logs without an arm are shown without
+
+    return arm_of(text, tip)

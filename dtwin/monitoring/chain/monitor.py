@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import Final
 
+from dtwin.arm.adjustment import Adjustment
 from dtwin.arm.chain import Arm, Array
 from dtwin.bus.twin_messages import MonitoredUnit, MonitoringVerdict, UnitState
 from dtwin.errors import ParameterError
@@ -79,6 +80,14 @@ class ArmMonitor:
         self._watch.forget()
         if not self.learned:
             self._begin = None
+
+    def adjust(self, adjustment: Adjustment) -> None:
+        """Goes on with the arm as the blocks count on it now; what was found is answered by that."""
+        found = self.finding
+        if found is not None:
+            self._note(EventKind.RECOVERED, f"{found.text(self._arm)}: the blocks count on it")
+        self._watch.resume(adjustment)
+        self._suspected = self._confirmed = False
 
     def acknowledge(self, parameter: str = "") -> None:
         """Takes the arm as it is now for normal, and learns it.
