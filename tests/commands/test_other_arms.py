@@ -102,3 +102,12 @@ def test_the_health_of_a_data_set_is_told(tmp_path: Path, capsys: pytest.Capture
 )
 def test_mistakes_get_one_line(folder: Path, words: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert said in complain(capsys, *words)
+
+
+def test_a_log_is_held_against_any_arm(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log = str(tmp_path / "run.parquet")
+    assert main(["run", "--arm", "planar-2r", "--duration", "3", "--log", log]) == 0
+    assert main(["log", "show", log, "--arm", "planar-2r"]) == 0
+    assert "elbow" in capsys.readouterr().out
+    assert main(["log", "show", log, "--arm", "six-axis"]) == 2
+    assert "expected 6 columns, one for each joint, got 2" in capsys.readouterr().err
