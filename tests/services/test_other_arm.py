@@ -117,4 +117,4 @@ def test_recovery_lets_the_blocks_of_another_arm_count_on_what_was_found(desk: D
             bus.ask(ADJUSTMENT, wrong, JointAdjustment)
         bus.ask(FAULT, FaultRequest(("lock2@0",)), Done)
         until(lambda: any(event.kind == "help" for event in events), "a person is called", 60.0)
-    assert desk.summary()["services"]["bridge"]["state"] == "stopped"
+    until(lambda: desk.summary()["services"]["bridge"]["state"] == "stopped", "the bridge says that the arm stands")
