@@ -27,7 +27,7 @@ from iec61499.management.protocol import (
     Watch,
     Window,
 )
-from iec61499.native.hosted import UNCHANGED
+from iec61499.runtime.blocks import UNCHANGED
 from iec61499.standard.catalogue import standard_names
 from iec61499.types import ELEMENTARY, ArrayType
 

@@ -13,19 +13,22 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from functools import partial
 from itertools import chain
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from iec61499 import model
 from iec61499.errors import FunctionBlockError
 from iec61499.library import Library
-from iec61499.native.hosted import UNCHANGED, HostedResource
 from iec61499.net.address import StreamAddress
 from iec61499.net.reactor import Reactor, Timer
 from iec61499.net.transport import NetworkTransport, Surroundings
+from iec61499.runtime.blocks import UNCHANGED
 from iec61499.runtime.checks import Checks, EndOfTest
 from iec61499.runtime.resource import Resource
 from iec61499.st.semantics import COMPUTING_TIME
 from iec61499.types import DataType
+
+if TYPE_CHECKING:
+    from iec61499.native.hosted import HostedResource
 
 log = logging.getLogger(__name__)
 
@@ -91,6 +94,8 @@ class Runner:
         iterations = chain.from_iterable(self._rounds())
         self._resource: Resource | HostedResource
         if native:
+            from iec61499.native.hosted import HostedResource  # with it comes NumPy, which others do without
+
             self._resource = HostedResource(network, library, self._transport)
         else:
             self._resource = Resource(network, library, self._transport, lambda: iterations)
@@ -142,7 +147,7 @@ class Runner:
         """Carries out the change that waits, unless an event chain runs. Raises FunctionBlockError when it fails."""
         if self._change is not None and self._resource.is_idle:
             change, self._change = self._change, None
-            if isinstance(self._resource, HostedResource):
+            if not isinstance(self._resource, Resource):
                 raise FunctionBlockError(UNCHANGED)
             change(self._resource)
 

@@ -19,7 +19,7 @@ from iec61499.library import Library
 from iec61499.native import memory
 from iec61499.native.resource import NAME, NativeResource
 from iec61499.native.services import is_hosted
-from iec61499.runtime.blocks import checked_value, located
+from iec61499.runtime.blocks import UNCHANGED, checked_value, located
 from iec61499.runtime.checks import Checks
 from iec61499.runtime.communication import LocalTransport, Transport
 from iec61499.runtime.compile import CompiledType, compile_type
@@ -29,8 +29,6 @@ from iec61499.st.python.expressions import python_name, wiring_name
 _EVENT: Final = Struct("iiqqq").size
 _WAITING: Final = Struct("iiqqqi0qqPIH").size
 """Where the number of the event that is delivered, and how many wait, are in the unit."""
-UNCHANGED: Final = "machine code stays as it is while it runs: expected a resource that is stopped and built anew"
-"""What is said when a resource is to be changed."""
 _HOST: Final = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_int32)
 Handler = Callable[[], None]
 

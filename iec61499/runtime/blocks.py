@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from operator import attrgetter
-from typing import Any
+from typing import Any, Final
 
 from iec61499 import model
 from iec61499.errors import FunctionBlockError, choices
@@ -17,6 +17,9 @@ from iec61499.runtime.compile import CompiledType, compile_type
 from iec61499.runtime.linking.netlist import Node
 from iec61499.st.python.expressions import python_name
 from iec61499.types import ArrayType, DataType, StructType
+
+UNCHANGED: Final = "machine code stays as it is while it runs: expected a resource that is stopped and built anew"
+"""What is said when a resource is to be changed that machine code executes."""
 
 
 @dataclass(frozen=True, slots=True)
