@@ -7,6 +7,7 @@ import sys
 import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from websockets.exceptions import ConnectionClosed
@@ -201,13 +202,19 @@ def test_a_page_that_is_open_loses_its_rights_too(tmp_path: Path) -> None:
                     pass
                 return str(told["role"])
 
+            def change(content: dict[str, Any]) -> None:
+                """Replaces the file as a whole: nobody has any rights by one that is half written."""
+                other = users.path.with_name("other.json")
+                other.write_text(json.dumps(content))
+                other.replace(users.path)
+
             assert role() == "operator"
             content = json.loads(users.path.read_bytes())
             content["anna"]["role"] = "viewer"
-            users.path.write_text(json.dumps(content))
+            change(content)
             assert role() == "viewer"
             del content["anna"]
-            users.path.write_text(json.dumps(content))
+            change(content)
             with pytest.raises(ConnectionClosed):
                 list(iter(lambda: socket.recv(20), ""))
             assert socket.close_code == 1008
