@@ -209,6 +209,11 @@ class Arm:
                     f"arm {self.name}: joint {joint.name}: expected an axis of length 1, got {joint.axis}"
                 )
 
+    @property
+    def most_load(self) -> float:
+        """Largest mass at the tool that is reckoned with, kg: the gripper's payload, else the mass of the arm."""
+        return self.gripper.payload if self.gripper is not None else sum(link.mass for link in self.links)
+
     def __len__(self) -> int:
         """The number of joints n."""
         return len(self.joints)

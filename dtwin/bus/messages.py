@@ -219,7 +219,7 @@ class LatchRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
 
     Attributes:
         stop: stop that the blocks have decided on; none releases.
-        number: number of the stop that is released; it does not count otherwise.
+        number: number of the stop that is released, or under which this one is kept since; 0 for a new one.
         holder: sender of the voltages that hold the arm while it brakes and stands, in hexadecimal digits.
     """
 

@@ -14,8 +14,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-import numpy as np
-
 from dtwin.arm.adjustment import Adjustment
 from dtwin.bus.chain.messages import JointAdjustment, JointCommands, JointSensors
 from dtwin.bus.messages import ADJUSTED, ADJUSTMENT, EVENTS, JOINT_COMMANDS, JOINT_SENSORS, State
@@ -143,20 +141,16 @@ class ArmBridge:
         """Lets the blocks count on what was found, on Zenoh's thread.
 
         Raises:
-            ParameterError: it is for another number of joints, or cannot be.
+            ParameterError: it is for another number of joints, or out of bounds.
         """
-        n = len(self._settings.arm)
-        if {len(wished.offset), len(wished.strength), len(wished.friction)} != {n}:
-            raise ParameterError(f"adjustment: expected {n} values of offset, strength and friction each")
-        numbers = np.array([*wished.offset, *wished.strength, *wished.friction, wished.load])
-        if not np.isfinite(numbers).all() or min(wished.strength) <= 0.0 or min(wished.friction) < 0.0:
-            raise ParameterError("adjustment: expected finite numbers, strength above 0 and friction of at least 0")
+        if problem := _adjustment(wished).problem(self._settings.arm):
+            raise ParameterError(f"adjustment: {problem}")
         self._put(wished)
         self._tell(Event(self._time(), EventKind.UPLOAD, f"{wished.who}: {wished.why}"[:1000]))
         return wished
 
     def _put(self, wished: JointAdjustment) -> None:
-        self._blocks.adjust(Adjustment(wished.offset, wished.strength, wished.friction, wished.load))
+        self._blocks.adjust(_adjustment(wished))
         self._in_force = wished
         self._tell_adjusted(wished)
 
@@ -232,6 +226,10 @@ class OwnBlocks:
                 return self._controller.judge(state, confidence, release)
             except CommunicationError as error:
                 raise CommunicationError(f"the safe stop of the blocks: {error}") from None
+
+
+def _adjustment(message: JointAdjustment) -> Adjustment:
+    return Adjustment(message.offset, message.strength, message.friction, message.load)
 
 
 def _between(first: JointSensors, second: JointSensors, share: float) -> JointSensors:

@@ -174,7 +174,8 @@ class Watching:
             return
         for tick in passed.ticks:
             if len(tick.sensors.theta) != len(self._settings.arm):
-                log.warning("a tick has %d joints, expected %d", len(tick.sensors.theta), len(self._settings.arm))
+                got, expected = len(tick.sensors.theta), len(self._settings.arm)
+                self._service.bus.refuse("joints", f"a tick has {got}, expected {expected}")
                 return
             missing = self._rows.add(tick)
             self._done += 1
@@ -209,9 +210,8 @@ class Watching:
         self._confirmed = len(monitor.history)
 
     def _failure(self, found: ChainFinding) -> Failure:
-        unknown = "freeze" in (found.kind, *(other.rstrip("0123456789") for other in found.others))
         text = found.text(self._settings.arm)[:1000]
-        return Failure(found.cause, text, "angles unknown" if unknown else "failed", 1.0)
+        return Failure(found.cause, text, "angles unknown" if found.angles_unknown else "failed", 1.0)
 
     def _ask(self, request: AcknowledgeRequest | None) -> MonitoringVerdict:
         """Answers on Zenoh's thread; the monitor is the main thread's."""

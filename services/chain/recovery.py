@@ -96,7 +96,7 @@ class ArmRecovery:
         now = bus.ask(ADJUSTMENT, None, JointAdjustment)
         answer = answer_to(found, self._arm, Adjustment(now.offset, now.strength, now.friction, now.load))
         if answer.measure == "stop":
-            state: ArmState = "angles unknown" if found.kind == "freeze" else "failed"
+            state: ArmState = "angles unknown" if found.angles_unknown else "failed"
             stop = bus.ask(STOP, StopRequest(NAME, answer.text[:1000], state, 1.0), StopState)
             self._say(EventKind.HELP, f"{answer.text}; the blocks answer {stop.stop}")
         else:

@@ -50,17 +50,21 @@ class Latch:
         self._holder = b""
         self.harden()
 
-    def stop(self, stop: Stop, holder: bytes) -> Latched:
+    def stop(self, stop: Stop, holder: bytes, kept: int = 0) -> Latched:
         """Latches a stop and returns the one in force, which may be stronger.
 
         Args:
             stop: stop that the blocks have decided on.
             holder: publisher whose commands hold the arm while it brakes and stands.
+            kept: number under which the stop was latched, 0 for a new one; a latch that keeps none takes the torque
+                off, since the stop was latched for another arm.
         """
         number, before = self.latched
         if before == "none":
             self._holder = holder
             number += 1
+            if kept:
+                stop = "torque off"
         elif holder != self._holder:
             stop = "torque off"
         self._change(Latched(number, stronger(before, stop)))

@@ -1,11 +1,18 @@
 """Recovery of any arm: what is done about every cause, and whole runs in which a fault is found and answered."""
 
+import math
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from dtwin.arm.adjustment import Adjustment
+from dtwin.arm.poses import Poses, drawn_poses
+from dtwin.controller.chain.application import Control, inputs
+from dtwin.controller.chain.embedded import ChainController
 from dtwin.emulation.chain.arms import arm_of
 from dtwin.emulation.chain.faults import KINDS, Kind
+from dtwin.equations.rigid import usual_inertia
 from dtwin.experiments.recovery.arms import arm_recovery_report, recovery_case
 from dtwin.monitoring.chain.finding import ChainFinding
 from dtwin.recovery.chain.answers import MEASURES, ORDERS, answer_to
@@ -55,6 +62,35 @@ def test_what_cannot_be_compensated_stops_the_arm_and_calls_a_person(found: Chai
     answer = answer_to(found, ARM, NONE)
     assert (answer.measure, answer.adjustment) == ("stop", None)
     assert answer.text.endswith("then `dtwin release`")
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        (replace(NONE, strength=(0.0, 1.0)), "strength of joint 1: expected 0.4 to 2.5, got 0"),
+        (replace(NONE, strength=(1.0, math.nan)), "strength of joint 2: expected 0.4 to 2.5, got nan"),
+        (replace(NONE, friction=(1.0, -0.1)), "friction of joint 2: expected 0 to 5, got -0.1"),
+        (replace(NONE, offset=(math.inf, 0.0)), "offset of joint 1: expected -0.2 to 0.2, got inf"),
+        (replace(NONE, offset=(0.0,)), "offset: expected 2 values, one of each joint, got 1"),
+        (replace(NONE, load=-9.0), "load: expected at most "),
+    ],
+)
+def test_blocks_must_not_count_on_what_is_out_of_bounds(wrong: Adjustment, said: str) -> None:
+    assert wrong.problem(ARM).startswith(said)
+    assert not NONE.problem(ARM)
+
+
+def test_the_blocks_themselves_keep_to_the_bounds() -> None:
+    poses = Poses(drawn_poses(ARM, 2, np.random.default_rng(5)).positions, 0.1, True)
+    told = Adjustment((5.0, -5.0), (0.0, 1e9), (-1.0, 1e9)), Adjustment((0.2, -0.2), (0.4, 2.5), (0.0, 5.0))
+    commands = []
+    for adjustment in told:
+        controller = ChainController(2, inputs(ARM, usual_inertia(ARM), Control(), poses))
+        controller.step(poses.positions[0].tolist())
+        controller.adjust(adjustment)
+        commands.append([controller.step(poses.positions[0].tolist()) for _ in range(300)])
+    assert commands[0] == commands[1]
+    assert np.isfinite(commands[0]).all()
 
 
 def test_a_push_changes_nothing() -> None:

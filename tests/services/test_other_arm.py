@@ -113,7 +113,7 @@ def test_recovery_lets_the_blocks_of_another_arm_count_on_what_was_found(desk: D
         until(lambda: len(verdicts) > seen + 20, "the arm works on")
         assert {unit.state for unit in verdicts[-1].units.values()} == {"nominal"}
         wrong = JointAdjustment("test", "too few", (0.0,), (1.0,), (1.0,))
-        with pytest.raises(CommunicationError, match="expected 2 values of offset, strength and friction"):
+        with pytest.raises(CommunicationError, match="offset: expected 2 values, one of each joint, got 1"):
             bus.ask(ADJUSTMENT, wrong, JointAdjustment)
         bus.ask(FAULT, FaultRequest(("lock2@0",)), Done)
         until(lambda: any(event.kind == "help" for event in events), "a person is called", 60.0)

@@ -145,8 +145,8 @@ def test_an_arm_that_has_diverged_begins_anew_without_torque_until_it_is_release
     with join("cell") as bus:
         watch = Watch(bus)
         until(lambda: watch.time > 1.0, "the arm moves")
-        # so strong that the first voltage does it: at a thousand times the blocks cut the voltage off in time
-        bus.ask(FAULT, FaultRequest(("K2*=1e5@0",)), Done)
+        # What is turned from outside diverges also when the blocks have cut off the voltage.
+        bus.ask(FAULT, FaultRequest(("push2+=1e6@0",)), Done)
         until(lambda: watch.texts("diverged"), "the divergence is told")
         until(lambda: watch.stop() == "torque off", "the bridge knows of the stop")
         assert started.run("release", "--why", "another arm", "--who", "anna") == "none: the arm moves\n"

@@ -18,8 +18,6 @@ from tests.support.ports import free_port
 from tests.support.waiting import connected, until
 
 KEY = b"k" * 32
-"""As in every cell that is started, each life of a service has a token of its own then: the bridge hears of a new one
-also when it comes before the bridge has heard of the end of the one before."""
 DEMAND = StopRequest("anna", "look at it", "failed")
 JUDGED: dict[ArmState, Stop] = {"failed": "standstill", "angles unknown": "torque off"}
 
@@ -53,19 +51,21 @@ class Emulator:
     Args:
         meet: where the peers of the cell meet.
         latched: what an earlier life has kept.
+        announced: whether it has its token yet; others may ask it before.
     """
 
-    def __init__(self, meet: str, latched: Latched) -> None:
+    def __init__(self, meet: str, latched: Latched, announced: bool = True) -> None:
         self.latch = Latch(latched, lambda changed: None)
         self.bus = Bus(open_peer(meet), key=KEY)
         self.bus.answer(LATCH, LatchRequest, self._take, self._state)
-        self.bus.announce("emulator")
+        if announced:
+            self.bus.announce("emulator")
 
     def _take(self, request: LatchRequest) -> LatchState:
         if request.stop == "none":
             self.latch.release(request.number)
         else:
-            self.latch.stop(request.stop, bytes.fromhex(request.holder))
+            self.latch.stop(request.stop, bytes.fromhex(request.holder), request.number)
         return self._state()
 
     def _state(self) -> LatchState:
@@ -84,10 +84,10 @@ class Cell:
         connected(lambda: bridge.ask(LATCH, None, LatchState))
         assert connected(lambda: user.ask(STOP, DEMAND, StopState)).stop == "standstill"
 
-    def begin_anew(self, kept: Latched) -> None:
+    def begin_anew(self, kept: Latched, announced: bool) -> None:
         """Another emulator takes the place of the one before."""
         self.emulator.bus.close()
-        self.emulator = Emulator(self.meet, kept)
+        self.emulator = Emulator(self.meet, kept, announced)
 
     def stop(self) -> Stop:
         """The stop that is read."""
@@ -125,8 +125,9 @@ def test_blocks_that_have_forgotten_it_take_the_torque_off(cell: Cell) -> None:
     assert cell.stops_in_force() == ("torque off", "torque off")
 
 
+@pytest.mark.parametrize("announced", [True, False], ids=["announced", "not yet"])
 @pytest.mark.parametrize("kept", [Latched(1, "standstill"), Latched()], ids=["with its journal", "without"])
-def test_an_emulator_that_begins_anew_takes_the_torque_off(cell: Cell, kept: Latched) -> None:
-    cell.begin_anew(kept)
+def test_an_emulator_that_begins_anew_takes_the_torque_off(cell: Cell, kept: Latched, announced: bool) -> None:
+    cell.begin_anew(kept, announced)
     until(lambda: cell.stops_in_force() == ("torque off", "torque off"), "nobody knows any longer who holds the arm")
     assert cell.stop() == "torque off"

@@ -175,12 +175,11 @@ def _is_close(now: Adjustment, fault: ChainFault, arm: Arm) -> bool:
         truth = replace(truth, offset=with_one(truth.offset))
     elif fault.kind == "load":
         truth = replace(truth, load=fault.value)
-    payload = arm.gripper.payload if arm.gripper is not None else sum(link.mass for link in arm.links)
     return bool(
         np.allclose(now.strength, truth.strength, rtol=_CLOSE)
         and np.allclose(now.friction, truth.friction, rtol=2.0 * _CLOSE)
         and np.allclose(now.offset, truth.offset, rtol=_CLOSE, atol=0.001)
-        and np.isclose(now.load, truth.load, rtol=_CLOSE, atol=0.02 * payload)
+        and np.isclose(now.load, truth.load, rtol=_CLOSE, atol=0.02 * arm.most_load)
     )
 
 

@@ -292,7 +292,7 @@ def _least(arm: Arm, name: str) -> float:
     """Least size of a cause that is told."""
     kind = name.rstrip("0123456789")
     if kind == "load":
-        return 0.02 * (arm.gripper.payload if arm.gripper is not None else sum(link.mass for link in arm.links))
+        return 0.02 * arm.most_load
     if kind == "push":
         return 0.03 * arm.joints[int(name[4:]) - 1].largest
     return SIZES[kind]

@@ -47,6 +47,11 @@ class ChainFinding:
         """The number of its joint, from 1; None for a load."""
         return int(self.cause[len(self.kind) :]) if self.kind != "load" else None
 
+    @property
+    def angles_unknown(self) -> bool:
+        """Whether an encoder may have stopped, so that nobody knows where its joint is."""
+        return any(cause.startswith("freeze") for cause in (self.cause, *self.others))
+
     def text(self, arm: Arm) -> str:
         """The finding in words, with the names of the joints."""
         said = " or ".join(in_words(arm, cause) for cause in (self.cause, *self.others))

@@ -34,12 +34,6 @@ ORDERS: Final[dict[str, str]] = {
     "lock": "free {joint}",
 }
 """What a person has to do where the arm stands."""
-WEAKEST: Final = 0.4
-"""Least torque of a drive, in parts of what it should give, with which an arm works on."""
-MOST_FRICTION: Final = 5.0
-"""Largest friction, in parts of what it should be."""
-LARGEST_OFFSET: Final = 0.2
-"""Largest offset that is taken off, rad or m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +66,7 @@ def answer_to(found: ChainFinding, arm: Arm, now: Adjustment) -> Answer:
     if measure == "go on":
         return Answer(measure, None, f"{found.text(arm)}: it is over, nothing changes")
     adjusted = _adjusted(found, now)
-    if not _bearable(adjusted, arm):
+    if adjusted.problem(arm):
         return _stop(found, arm)
     return Answer(measure, adjusted, f"{found.text(arm)}: the blocks count on it")
 
@@ -96,14 +90,3 @@ def _adjusted(found: ChainFinding, now: Adjustment) -> Adjustment:
     if found.kind == "K":
         return replace(now, strength=with_one(now.strength, now.strength[k] * (1.0 - found.size)))
     return replace(now, friction=with_one(now.friction, now.friction[k] * (1.0 + found.size)))
-
-
-def _bearable(adjusted: Adjustment, arm: Arm) -> bool:
-    """Whether the blocks can count on it and the arm works on."""
-    payload = arm.gripper.payload if arm.gripper is not None else sum(link.mass for link in arm.links)
-    return (
-        all(abs(value) <= LARGEST_OFFSET for value in adjusted.offset)
-        and all(WEAKEST <= value <= 1.0 / WEAKEST for value in adjusted.strength)
-        and all(0.0 <= value <= MOST_FRICTION for value in adjusted.friction)
-        and abs(adjusted.load) <= payload
-    )

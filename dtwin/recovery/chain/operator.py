@@ -67,8 +67,7 @@ class ArmOperator:
         self.steps.append(Step(self._watch.time, found, answer))
         if answer.measure == "stop":
             self.stopped = True
-            unknown = "freeze" in (found.kind, *(other.rstrip("0123456789") for other in found.others))
-            self._blocks.halt(angles_known=not unknown)
+            self._blocks.halt(angles_known=not found.angles_unknown)
             return
         if answer.adjustment is not None:
             self.adjustment = answer.adjustment

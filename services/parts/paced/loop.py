@@ -349,7 +349,7 @@ class Paced(ABC, Generic[S, C]):
         latch = self._machine.latch
         if request.stop == "none":
             latch.release(request.number)
-        elif latch.stop(request.stop, bytes.fromhex(request.holder)).stop == "torque off":
+        elif latch.stop(request.stop, bytes.fromhex(request.holder), request.number).stop == "torque off":
             self._machine.stop()
         return self._latched()
 

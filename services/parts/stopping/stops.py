@@ -155,6 +155,7 @@ class Stops:
                 stop = self._blocks().release()
                 if stop == "none":
                     self._bus.ask(LATCH, LatchRequest("none", self._number), LatchState, TIMEOUT)
+                    self._number = 0
             except CommunicationError as error:
                 self.known = False
                 self._note(self._blocks().judge("angles unknown", 1.0), KEPT)
@@ -203,7 +204,7 @@ class Stops:
         """The stop that is latched after the emulator was told of one, if there is any."""
         if stop == "none":
             return stop
-        state = self._bus.ask(LATCH, LatchRequest(stop, holder=self._holder), LatchState, TIMEOUT)
+        state = self._bus.ask(LATCH, LatchRequest(stop, self._number, self._holder), LatchState, TIMEOUT)
         self._number = state.number
         return state.stop
 

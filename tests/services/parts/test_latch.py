@@ -26,6 +26,15 @@ events = st.lists(
 )
 
 
+@pytest.mark.parametrize(("kept", "stop"), [(0, "standstill"), (1, "torque off")], ids=["new", "another arm's"])
+def test_a_stop_that_is_not_kept_here_takes_the_torque_off(kept: int, stop: str) -> None:
+    latch = Latch(Latched(), lambda changed: None)
+    assert latch.stop("standstill", BRIDGE, kept) == (1, stop)
+    assert latch.stop("standstill", BRIDGE, 1) == (1, stop)
+    latch.release(1)
+    assert latch.stop("standstill", BRIDGE) == (2, "standstill")
+
+
 @given(events)
 def test_any_order_of_events_keeps_the_stop_until_the_right_release(
     tmp_path_factory: pytest.TempPathFactory, told: list[tuple[Any, ...]]
