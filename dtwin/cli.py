@@ -12,7 +12,7 @@ from difflib import get_close_matches
 from typing import Any, Final
 
 from dtwin import __version__
-from dtwin.commands.table import COMMANDS, GROUPS
+from dtwin.commands.table import COMMANDS, EVIDENCE, GROUPS
 from dtwin.errors import DtwinError, choices
 from dtwin.files import NO_SPACE, reason_of
 from dtwin.terminal import printable
@@ -89,6 +89,8 @@ def _dispatch(arguments: list[str]) -> int:
 def _unknown(arguments: Sequence[str], name: str, under: Sequence[str]) -> str:
     """What is said of words that are no command: the commands that begin with them, or the nearest ones."""
     said = " ".join(arguments[:2]) if under else name
+    if not under and arguments[0] in EVIDENCE:
+        return f"{name} measures what the project claims: only scripts/dtwin in a checkout has that command"
     if under:
         what = f"{name} needs one word more" if said == name else f"unknown command {said!r}"
         return f"{what}: expected {choices(under)}"

@@ -8,11 +8,11 @@ import pytest
 from hypothesis import settings
 
 from dtwin.emulation.faults import parse_fault
-from dtwin.experiments.monitoring.trial import identified_belief
 from dtwin.logs.log import Log
 from dtwin.monitoring.estimation.belief import Belief
 from dtwin.run.cell import Cell
 from dtwin.run.settings import CellSettings
+from evidence.monitoring.trial import identified_belief
 from tests.support.examples import EXAMPLES, THOROUGH, USUAL, usual
 from tests.support.scheduling import Scheduling, give_way
 

@@ -73,8 +73,8 @@ def site(wheel: Path, blocks_wheel: Path, tmp_path_factory: pytest.TempPathFacto
     return folder
 
 
-def run(site: Path, folder: Path, *arguments: str) -> str:
-    """What the installed `dtwin` prints in a folder."""
+def run(site: Path, folder: Path, *arguments: str, status: int = 0) -> str:
+    """What the installed `dtwin` prints in a folder, or says of an error."""
     # The path of a Unix socket has at most 107 bytes, which a folder of pytest may already have.
     with TemporaryDirectory() as runtime:
         done = subprocess.run(
@@ -85,8 +85,8 @@ def run(site: Path, folder: Path, *arguments: str) -> str:
             text=True,
             timeout=150,
         )
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+    assert done.returncode == status, done.stderr
+    return done.stderr if status else done.stdout
 
 
 def test_a_wheel_holds_all_that_a_checkout_has_and_one_package(wheel: Path) -> None:
@@ -158,3 +158,12 @@ def test_the_installed_cell_runs_in_an_empty_folder(site: Path, tmp_path: Path) 
 def test_the_installed_services_run_in_an_empty_folder(site: Path, tmp_path: Path) -> None:
     run(site, tmp_path, "up", "--pace", "lockstep", "--duration", "3", "--log", "up.parquet", "--json")
     assert len(read_log(tmp_path / "up.parquet")) == 300
+
+
+def test_what_measures_the_claims_stays_in_the_checkout(site: Path, tmp_path: Path) -> None:
+    assert "experiment noise" not in run(site, tmp_path, "--help")
+    said = run(site, tmp_path, "experiment", "noise", status=2)
+    assert (
+        said
+        == "dtwin: experiment measures what the project claims: only scripts/dtwin in a checkout has that command\n"
+    )

@@ -25,8 +25,9 @@ FLOORS = [
     {"dtwin.console"},
     {"dtwin.ai"},
     {"dtwin.services"},
-    {"dtwin.experiments", "dtwin.api"},
+    {"dtwin.api"},
     {"dtwin.commands"},
+    {"evidence"},
     {"dtwin.cli"},
     {"dtwin.__main__"},
 ]
@@ -58,7 +59,8 @@ SUBROOMS = [
 ]
 """Inside the function blocks, from the ground up."""
 OWNERS = {"mujoco": "dtwin.emulation", "zenoh": "dtwin.bus", "rerun": "dtwin.view", "rerun_loader_mjcf": "dtwin.view"}
-MODULES = sorted(path for room in ("dtwin", "iec61499", "services") for path in ROOT.glob(f"{room}/**/*.py"))
+PACKAGES = ("dtwin", "evidence", "iec61499", "services")
+MODULES = sorted(path for package in PACKAGES for path in ROOT.glob(f"{package}/**/*.py"))
 LONGEST = 400
 """lines of a file"""
 FULLEST = 16

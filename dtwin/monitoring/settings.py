@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, Literal
 
 from dtwin.errors import ParameterError
 from dtwin.monitoring.estimation.tuning import Tuning
 
+Method = Literal["default", "thesis"]
+"""Monitor: the state estimator with diagnosis, or the thesis's comparison with a simulated arm."""
 ALARMS_PER_HOUR: Final = 1.0 / 720.0
 """false alarms to be expected unless something else is asked for: one in thirty days"""
 

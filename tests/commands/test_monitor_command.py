@@ -12,10 +12,10 @@ import pytest
 from dtwin.campaign.spread import Workforce
 from dtwin.cli import main
 from dtwin.emulation.machine.sections import Machine, Structure
-from dtwin.experiments.monitoring.scorecard import Scorecard, faults_experiment, label, summary
-from dtwin.experiments.monitoring.scorecard_report import faults_report
-from dtwin.experiments.monitoring.trial import FaultOutcome, FaultTrial, run_trial, true_cause
 from dtwin.logs.log import Log
+from evidence.monitoring.scorecard import Scorecard, faults_experiment, label, summary
+from evidence.monitoring.scorecard_report import faults_report
+from evidence.monitoring.trial import FaultOutcome, FaultTrial, run_trial, true_cause
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from dtwin.experiments.line.faults import LineOutcome, LineTrial, faults_report, kept_promises
+from evidence.line.faults import LineOutcome, LineTrial, faults_report, kept_promises
 
 FAILED = LineOutcome(
     LineTrial("default", 0, "a2", "K2*=0.1", 100.0, 400.0, True), 96.0, 100.0, None, 0.5, 0, 0, False

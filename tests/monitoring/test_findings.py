@@ -7,7 +7,6 @@ import pytest
 from scipy.special import chdtrc
 
 from dtwin.errors import ParameterError
-from dtwin.experiments.monitoring.trial import identified_belief
 from dtwin.logs.log import Log
 from dtwin.monitoring.candidate import Candidate, Conclusion
 from dtwin.monitoring.estimation.belief import Belief
@@ -22,6 +21,7 @@ from dtwin.monitoring.offline import stream
 from dtwin.monitoring.sensing.gripper import GripperWatch
 from dtwin.monitoring.signatures import Onset
 from dtwin.monitoring.verdict import UNITS, finding, monitored_units, verdict_on
+from evidence.monitoring.trial import identified_belief
 
 
 def watched(belief: Belief, log: Log, *stops: int) -> Monitor:

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from dtwin.errors import ModelError, ParameterError
-from dtwin.experiments.monitoring.trial import FaultTrial, run_trial
 from dtwin.logs.collecting import RunLog
 from dtwin.logs.log import Log
 from dtwin.monitoring.estimation.belief import Belief, assumed, identified
@@ -15,6 +14,7 @@ from dtwin.monitoring.monitor import BRIDGED, Monitor
 from dtwin.monitoring.offline import Stream, stream, watch
 from dtwin.monitoring.settings import MonitorSettings
 from dtwin.parameters import ArmParameters
+from evidence.monitoring.trial import FaultTrial, run_trial
 
 
 def followed(belief: Belief, seen: Stream, stop: int | None = None) -> Monitor:

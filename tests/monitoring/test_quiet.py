@@ -6,7 +6,6 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from dtwin.experiments.monitoring.twin_cell import TwinCell
 from dtwin.logs.log import Log
 from dtwin.monitoring.estimation.belief import TIMING, Belief, Unmodelled, assumed
 from dtwin.monitoring.estimation.estimator import Estimator
@@ -19,6 +18,7 @@ from dtwin.monitoring.tracking.quiet import LONG_UNSETTLED, UNSETTLED, in_doubt,
 from dtwin.parameters import ArmParameters
 from dtwin.run.options import ControlOptions
 from dtwin.twin.effects import Effects
+from evidence.monitoring.twin_cell import TwinCell
 
 STRANGE = 3000
 """row at which something befalls the samples"""

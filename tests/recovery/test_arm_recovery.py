@@ -13,9 +13,9 @@ from dtwin.controller.chain.embedded import ChainController
 from dtwin.emulation.chain.arms import arm_of
 from dtwin.emulation.chain.faults import KINDS, Kind
 from dtwin.equations.rigid import usual_inertia
-from dtwin.experiments.recovery.arms import arm_recovery_report, recovery_case
 from dtwin.monitoring.chain.finding import ChainFinding
 from dtwin.recovery.chain.answers import MEASURES, ORDERS, answer_to
+from evidence.recovery.arms import arm_recovery_report, recovery_case
 
 ARM = arm_of("planar-2r")
 NONE = Adjustment.none(2)

@@ -14,13 +14,13 @@ from dtwin.emulation.emulation import Emulation
 from dtwin.emulation.faults import parse_fault
 from dtwin.emulation.machine.plant import plant_of
 from dtwin.emulation.machine.sections import IDEAL
-from dtwin.experiments.monitoring.trial import true_cause
 from dtwin.monitoring.estimation.belief import assumed
 from dtwin.monitoring.monitor import Monitor
 from dtwin.parameters import PERIOD, VOLTAGE_LIMIT, ArmParameters
 from dtwin.services.bridge import LISTEN
 from dtwin.services.monitoring import UNHEARD
 from dtwin.signals import EventKind, Sensors, Voltages
+from evidence.monitoring.trial import true_cause
 from tests.support.by_hand import PATIENCE, ByHand
 from tests.support.waiting import until
 

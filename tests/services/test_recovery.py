@@ -9,12 +9,6 @@ from pathlib import Path
 import pytest
 
 from dtwin.emulation.machine.sections import IDEAL, Contact
-from dtwin.experiments.recovery import demonstration
-from dtwin.experiments.recovery.cases import RecoveryCase
-from dtwin.experiments.recovery.demonstration import parse_faults, recover
-from dtwin.experiments.recovery.expected import Expected
-from dtwin.experiments.recovery.healthy import healthy_run
-from dtwin.experiments.recovery.outcome import Story, judge, tracked
 from dtwin.logs.reading import read_log
 from dtwin.parameters import ArmParameters
 from dtwin.recovery.measures import Taken
@@ -23,6 +17,12 @@ from dtwin.recovery.tuning import BOUND
 from dtwin.run.cell import Cell
 from dtwin.run.settings import CellSettings
 from dtwin.services.launch import CellOptions
+from evidence.recovery import demonstration
+from evidence.recovery.cases import RecoveryCase
+from evidence.recovery.demonstration import parse_faults, recover
+from evidence.recovery.expected import Expected
+from evidence.recovery.healthy import healthy_run
+from evidence.recovery.outcome import Story, judge, tracked
 from tests.support.desk import Desk
 
 SEED = 26

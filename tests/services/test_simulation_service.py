@@ -33,7 +33,6 @@ from dtwin.bus.twin_messages import Predicted, PredictionRequest, RollBackReques
 from dtwin.controller.excitation import ExcitationController
 from dtwin.controller.settings import usual_gains
 from dtwin.errors import CommunicationError
-from dtwin.experiments.identification.standard import standard_settings
 from dtwin.identification.estimation.estimate import identify
 from dtwin.identification.excitation.plan import Plan
 from dtwin.identification.excitation.rig import Rig
@@ -45,6 +44,7 @@ from dtwin.services.runfile import join
 from dtwin.signals import Sensors
 from dtwin.simulation.checks import MOTIONS
 from dtwin.simulation.history import History
+from evidence.identification.standard import standard_settings
 from tests.support.desk import Desk, busy_cell, new_desk
 from tests.support.waiting import until
 

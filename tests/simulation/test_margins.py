@@ -12,7 +12,6 @@ import pytest
 from dtwin.controller.motion import MotionController
 from dtwin.controller.runtime import Runtime, chosen
 from dtwin.controller.settings import LAWS, USUAL_GAINS, Compensation, ControlSettings, usual_gains
-from dtwin.experiments.simulation.margins import compare, usual
 from dtwin.parameters import COULOMB_WIDTH, PERIOD, PICKUP, PLACES, ArmParameters, Law, Triple
 from dtwin.run.cell_file import cell_of
 from dtwin.simulation.margins.demands import MARGINS, STABILITY, cases, demanded_margins
@@ -29,6 +28,7 @@ from dtwin.simulation.margins.measures import (
 from dtwin.simulation.margins.poses import places, poses
 from dtwin.simulation.whatif import Simulator
 from dtwin.twin.dynamics import gravity, integrate
+from evidence.simulation.margins import compare, usual
 from tests.support.iec61499.c_harness import needs_compiler
 
 ARM = ArmParameters()

@@ -14,12 +14,12 @@ from dtwin.controller.settings import USUAL_GAINS, Compensation, ControlSettings
 from dtwin.emulation.emulation import Emulation
 from dtwin.emulation.machine.files import machine_of
 from dtwin.errors import ParameterError
-from dtwin.experiments.simulation.emulated_arm import EmulatedArm
 from dtwin.parameters import HANGING, PERIOD, PLACES, ArmParameters, Law
 from dtwin.simulation.whatif import MotionCase, Simulator
 from dtwin.twin.effects import NO_EFFECTS, Effects
 from dtwin.twin.energy import energy
 from dtwin.twin.machine import SUBSTEP, WIDTH, integrate_machine, vector_of
+from evidence.simulation.emulated_arm import EmulatedArm
 
 T4 = ControlSettings(target_time=4.0)
 

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from dtwin.controller.excitation import ExcitationController
-from dtwin.experiments.identification.standard import standard_settings
 from dtwin.identification.data import Experiment, Start
 from dtwin.identification.excitation.plan import PLAIN, Excitation, Plan
 from dtwin.identification.excitation.rig import Rig
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters, PayloadModel
+from evidence.identification.standard import standard_settings
 from tests.support.arms import Array
 
 ARM = ArmParameters()

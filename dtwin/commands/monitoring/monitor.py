@@ -22,13 +22,12 @@ from dtwin.commands.cell.chain import THESIS
 from dtwin.commands.hints import viewer_command
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import ParameterError, RecordingError
-from dtwin.experiments.monitoring.trial import Method
 from dtwin.files import RECORDING, ensure_writable
 from dtwin.identification.store import STORE
 from dtwin.logs.belonging import check_belonging
 from dtwin.monitoring.chain.sequential import HEALTHY
 from dtwin.monitoring.offline import SECOND, stream
-from dtwin.monitoring.settings import ALARMS_PER_HOUR
+from dtwin.monitoring.settings import ALARMS_PER_HOUR, Method
 from dtwin.monitoring.thesis import ThesisMonitor, ThesisSettings
 from dtwin.monitoring.trend import Forecast
 from dtwin.monitoring.verdict import Finding

@@ -4,7 +4,7 @@ import pytest
 
 from dtwin.emulation.machine.energy import balance_of
 from dtwin.emulation.machine.sections import Machine
-from dtwin.experiments.integrators import BALANCED, BALANCED_ARMS, MINUTE, swing
+from evidence.integrators import BALANCED, BALANCED_ARMS, MINUTE, swing
 
 
 @pytest.mark.parametrize("machine", BALANCED_ARMS, ids=lambda machine: machine.name)

@@ -10,10 +10,10 @@ import pytest
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.ports import BLOCKS, EMULATOR, SYSTEM, on_device
 from dtwin.controller.remote import RemoteController, Shadow
-from dtwin.experiments.blocks_benchmark import neutral_change
 from dtwin.run.cell import Cell
 from dtwin.run.settings import CellSettings, sequence_of
 from dtwin.signals import Sensors, Voltages
+from evidence.bench.blocks import neutral_change
 from iec61499 import model
 from iec61499.device.drawn_network import DrawnNetwork
 from iec61499.library import Library

@@ -1,1 +1,0 @@
-"""Every claim that is measured: experiments with reports, benchmarks, validation."""

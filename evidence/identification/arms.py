@@ -1,0 +1,177 @@
+"""Identification of drawn machines of any arm: how well it predicts other motion, and whether its intervals hold."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, ClassVar, Final
+
+import numpy as np
+
+from dtwin.arm.chain import INERTIAL, Arm, Array
+from dtwin.arm.poses import Poses, drawn_poses
+from dtwin.campaign.spread import Progress
+from dtwin.commands.frame import at_least
+from dtwin.emulation.chain.arms import arm_of
+from dtwin.emulation.chain.machine import drawn, machine_of
+from dtwin.identification.chain.excitation import excitation
+from dtwin.identification.chain.identify import Identification, Sample, identify, unexplained
+from dtwin.identification.chain.result import numbers
+from dtwin.run.chain import ChainSettings, run
+from evidence.experiment import ExperimentCommand
+from evidence.report import Report
+
+ASKED_FIT: Final = 0.98
+"""Held-out fit of every joint that is asked for."""
+_JUDGED: Final = 30.0
+"""Length of the motion that is predicted, s."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Identified:
+    """One machine.
+
+    Attributes:
+        machine: its number.
+        fit: 1 - rms of what is not explained / standard deviation, of the effort on held-out motion, (n,).
+        inside: for every number that the data tell and whose truth is known, whether its 95 % interval holds it.
+        seconds: time that the identification took, s.
+    """
+
+    machine: int
+    fit: Array
+    inside: dict[str, bool]
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ArmsResult:
+    """All machines of an arm."""
+
+    arm: Arm
+    poses: Poses
+    machines: tuple[Identified, ...]
+
+    @property
+    def fit(self) -> Array:
+        """Held-out fits, (machines, n)."""
+        return np.array([one.fit for one in self.machines])
+
+    @property
+    def coverage(self) -> float:
+        """Share of the intervals that hold the truth."""
+        inside = [held for one in self.machines for held in one.inside.values()]
+        return float(np.mean(inside))
+
+
+def arms_experiment(name: str, machines: int, seconds: float, seed: int, progress: Progress) -> ArmsResult:
+    """Designs a motion, and identifies drawn machines from it.
+
+    Args:
+        name: an arm.
+        machines: number of machines; their numbers begin with 1000 + seed.
+        seconds: length of the motion that is measured.
+        seed: number of the first generator.
+        progress: is told how many machines are done.
+    """
+    arm = arm_of(name)
+    poses = excitation(arm, seconds, seed=seed)
+    found = []
+    for k in range(machines):
+        found.append(_identified(arm, poses, 1000 + seed + k, seconds))
+        progress(k + 1, machines)
+    return ArmsResult(arm, poses, tuple(found))
+
+
+def _identified(arm: Arm, poses: Poses, number: int, seconds: float) -> Identified:
+    machine = machine_of(str(number), arm)
+    measured = run(ChainSettings(arm, machine, poses, duration=seconds, seed=number)).measurement()
+    others = drawn_poses(arm, 20, np.random.default_rng([number, 1]))
+    judging = run(ChainSettings(arm, machine, others, duration=_JUDGED, seed=number + 1)).measurement()
+    began = time.perf_counter()
+    found = identify(arm, [Sample(measured)])
+    took = time.perf_counter() - began
+    truth = dict(_truth(drawn(arm, number), found))
+    inside = {
+        row.name: bool(abs(row.value - truth[row.name]) <= row.half)
+        for row in numbers(found)
+        if row.told and row.name in truth
+    }
+    return Identified(number, 1.0 - unexplained(*found.predicted(judging)), inside, took)
+
+
+def _truth(arm: Arm, found: Identification) -> Iterator[tuple[str, float]]:
+    """What a drawn arm really has, by the names of the result; friction without what grows with the load."""
+    for joint, link, scale in zip(arm.joints, arm.links, found.design.scales, strict=True):
+        if joint.actuator.constant is not None:
+            yield f"{joint.name} gain", joint.actuator.constant
+        for speed in (0.1 * scale.speed, -0.1 * scale.speed, scale.speed, -scale.speed):
+            friction = joint.friction.viscous * speed + joint.friction.coulomb * float(np.sign(speed))
+            yield f"{joint.name} friction at {speed:+.3g}", friction
+        if joint.actuator.rotor is not None:
+            yield f"{joint.name} rotor", joint.actuator.rotor
+        for name, value in zip(INERTIAL, link.parameters, strict=True):
+            yield f"{link.name} {name}", float(value)
+
+
+def arms_figures(result: ArmsResult) -> dict[str, Any]:
+    """The figures for programs."""
+    return {
+        "arm": result.arm.name,
+        "machines": [one.machine for one in result.machines],
+        "fit": result.fit.tolist(),
+        "least_fit": float(result.fit.min()),
+        "coverage": result.coverage,
+        "intervals": sum(len(one.inside) for one in result.machines),
+        "outside": sorted({name for one in result.machines for name, held in one.inside.items() if not held}),
+        "identification_seconds": [one.seconds for one in result.machines],
+    }
+
+
+def arms_report(result: ArmsResult) -> Report:
+    """The page for people."""
+    names = [joint.name for joint in result.arm.joints]
+    rows = [
+        "| machine | " + " | ".join(names) + " | intervals that hold the truth | time, s |",
+        "|" + "---|" * (len(names) + 3),
+    ]
+    for one in result.machines:
+        held = f"{sum(one.inside.values())} of {len(one.inside)}"
+        fits = " | ".join(f"{fit:.4f}" for fit in one.fit)
+        rows.append(f"| {one.machine} | {fits} | {held} | {one.seconds:.1f} |")
+    words = (
+        f"{len(result.machines)} machines drawn from the tolerances of {result.arm.name}, each identified from one "
+        f"motion through {len(result.poses.positions)} designed poses and judged on a motion of {_JUDGED:g} s that "
+        "was not fitted. The fit is 1 - rms of the unexplained effort / its standard deviation."
+    )
+    least, coverage = float(result.fit.min()), result.coverage
+    told = (
+        f"Least fit of a joint {least:.4f} (asked: {ASKED_FIT}); {coverage:.1%} of the 95 % intervals hold the truth."
+    )
+    return Report(f"Identification of {result.arm.name}", (words, "\n".join(rows), told))
+
+
+@dataclass(frozen=True)
+class ExperimentArms(ExperimentCommand[ArmsResult]):
+    """Identify machines drawn from the tolerances of an arm, and judge them on motion that was not fitted."""
+
+    name: ClassVar = "arms"
+
+    arm: str = "six-axis"
+    """Name of arms/, or file of an arm (*.toml)."""
+    machines: int = 10
+    """Number of machines."""
+    duration: float = 120.0
+    """Length of the measured motion, s."""
+
+    def measure(self, progress: Progress) -> ArmsResult:
+        at_least("--machines", self.machines, 1)
+        at_least("--duration", self.duration, 20.0)
+        return arms_experiment(self.arm, self.machines, self.duration, self.seed, progress)
+
+    def report(self, result: ArmsResult) -> Report:
+        return arms_report(result)
+
+    def figures(self, result: ArmsResult) -> dict[str, Any]:
+        return arms_figures(result)

@@ -1,0 +1,267 @@
+"""A line whose arms fail at random: what its twins do, what becomes of boxes, and what the best would have been."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Final
+
+import msgspec
+import numpy as np
+
+from dtwin.campaign.spread import EVERY_CORE, Progress, Workforce, spread
+from dtwin.commands.frame import at_least
+from dtwin.errors import DtwinError, ParameterError
+from dtwin.line.file import DEFAULT_NAME, line_of
+from dtwin.line.line import Assignment, Line
+from dtwin.line.run import LineRun, LineSettings
+from dtwin.line.station import WorkTimes
+from dtwin.line.twins.node import rehearsed
+from dtwin.line.twins.overall import predicted
+from evidence.experiment import SeriesCommand
+from evidence.report import Report, page, table
+
+CAUSES: Final = ("K1*=0.1", "K2*=0.1", "K3*=0.1", "lock2", "cut1", "freeze3")
+"""Causes that stop an arm, in the notation of faults without their times."""
+EARLIEST: Final = 80.0
+"""Time before which no arm fails, s: the line has filled by then."""
+SPAN: Final = 60.0
+"""Time within which it does, s."""
+SETTLING: Final = 60.0
+"""Time after a fault after which throughput counts, s."""
+BEST: Final = 0.95
+"""Share of the throughput of the best assignment that a line comes to after a fault."""
+NEAR: Final = 0.03
+"""Share by which throughput without a fault may differ from what was predicted."""
+STANDING: Final = 90.0
+"""Time without a box that leaves, after which a line counts as standing, s."""
+
+
+@dataclass(frozen=True, slots=True)
+class LineTrial:
+    """A run of a line with one fault, or none.
+
+    Attributes:
+        line: name or file of the line.
+        seed: number of the random generator of its boxes.
+        station: the station whose arm fails, "" for none.
+        fault: what happens to it.
+        begins: when it does, s.
+        duration: plant time, s.
+        twins: whether the twins act.
+    """
+
+    line: str
+    seed: int
+    station: str
+    fault: str
+    begins: float
+    duration: float
+    twins: bool
+
+
+@dataclass(frozen=True, slots=True)
+class LineOutcome:
+    """What became of a trial.
+
+    Attributes:
+        trial: the trial.
+        rate: boxes an hour that left after SETTLING; from EARLIEST on without a fault.
+        best: boxes an hour of the best assignment that the line could have had, by simulation of all.
+        predicted: boxes an hour that its twins predict of its own assignment; None with a fault.
+        noticed: time from the fault to the set-up that answers it, s; None if there was none.
+        lost, collisions: boxes that were lost, and touches of vehicles.
+        stood: whether no box left for STANDING at the end.
+    """
+
+    trial: LineTrial
+    rate: float
+    best: float
+    predicted: float | None
+    noticed: float | None
+    lost: int
+    collisions: int
+    stood: bool
+
+
+def trials(line: str, faults: int, healthy: int, duration: float, seed: int, without: bool) -> list[LineTrial]:
+    """Drawn trials: some without a fault, and each fault with acting twins, and without twins if that is asked for.
+
+    Args:
+        line: name or file of the line.
+        faults: number of faults.
+        healthy: number of runs without one.
+        duration: plant time of every run, s.
+        seed: number of the random generator of the faults; boxes of each run have the next ones.
+        without: whether every fault is also tried without twins.
+    """
+    generator = np.random.default_rng(seed)
+    stations = [station.name for station in line_of(line).stations]
+    drawn = [LineTrial(line, seed + k, "", "", 0.0, duration, True) for k in range(healthy)]
+    for k in range(faults):
+        station, cause = str(generator.choice(stations)), str(generator.choice(CAUSES))
+        begins = round(EARLIEST + SPAN * float(generator.random()), 2)
+        for twins in (True, False) if without else (True,):
+            drawn.append(LineTrial(line, seed + k, station, cause, begins, duration, twins))
+    return drawn
+
+
+def tried(trial: LineTrial) -> LineOutcome:
+    """Carries a trial out. Raises DtwinError: a box has vanished, or the line cannot be."""
+    line = replace(line_of(trial.line), seed=trial.seed)
+    fault = ((trial.station, f"{trial.fault}@{trial.begins}"),) if trial.station else ()
+    run = LineRun(line, LineSettings(trial.duration, "act" if trial.twins else "off", fault))
+    run.run()
+    since = trial.begins + SETTLING if trial.station else EARLIEST
+    horizon = trial.duration - since
+    answers = [d.time - trial.begins for d in run.course.decisions if d.what == "set-up" and trial.station]
+    left = [time for _, time in run.plant.left]
+    return LineOutcome(
+        trial,
+        run.rate(since),
+        best_rate(line, trial.station, horizon),
+        None if trial.station else predicted(line, work_times(line), line.assignment, horizon),
+        answers[0] if answers else None,
+        run.plant.lost,
+        run.plant.collisions,
+        not left or run.time - left[-1] > STANDING,
+    )
+
+
+def best_rate(line: Line, without: str, horizon: float) -> float:
+    """Boxes an hour of the best of all assignments that leave a station out ("" for none), each simulated."""
+    times = work_times(line)
+    return max((predicted(line, times, each, horizon) for each in possible(line, without)), default=0.0)
+
+
+def work_times(line: Line) -> Mapping[str, WorkTimes]:
+    """How long the arms of a line take, by the names of their stations."""
+    return {station.name: rehearsed(station) for station in line.stations}
+
+
+def possible(line: Line, without: str) -> list[Assignment]:
+    """All assignments that leave a station out."""
+    names = [operation.name for operation in line.operations]
+    able = [[station for station in line.able(name) if station != without] for name in names]
+    found: list[Assignment] = []
+    for stations in itertools.product(*able):
+        assignment = dict(zip(names, stations, strict=True))
+        try:
+            line.check_assignment(assignment)
+        except DtwinError:
+            continue
+        found.append(assignment)
+    return found
+
+
+def line_faults(
+    drawn: Sequence[LineTrial], workforce: Workforce = EVERY_CORE, progress: Progress = lambda done, of: None
+) -> list[LineOutcome]:
+    """Carries trials out.
+
+    Raises:
+        TaskError: one failed.
+    """
+    return spread(tried, drawn, workforce, progress)
+
+
+def kept_promises(outcomes: Sequence[LineOutcome]) -> bool:
+    """Whether no box was lost, nothing touched or stood, and throughput was as asked.
+
+    After a fault that is BEST of the best, without one within NEAR of what was predicted.
+    """
+    for outcome in outcomes:
+        if outcome.lost or outcome.collisions:
+            return False
+        if not outcome.trial.twins:
+            continue
+        if outcome.stood:
+            return False
+        if outcome.predicted is None and outcome.rate < BEST * outcome.best:
+            return False
+        if outcome.predicted is not None and abs(outcome.rate - outcome.predicted) > NEAR * outcome.predicted:
+            return False
+    return True
+
+
+def faults_report(outcomes: Sequence[LineOutcome]) -> Report:
+    """The page."""
+    header = [
+        "station",
+        "fault",
+        "twins",
+        "set up after s",
+        "boxes/h",
+        "best boxes/h",
+        "share",
+        "predicted",
+        "lost",
+        "touched",
+    ]
+    rows = []
+    for outcome in outcomes:
+        trial = outcome.trial
+        rows.append(
+            [
+                trial.station or "-",
+                f"{trial.fault}@{trial.begins:g}" if trial.station else "none",
+                "act" if trial.twins else "off",
+                "-" if outcome.noticed is None else f"{outcome.noticed:.1f}",
+                f"{outcome.rate:.1f}",
+                f"{outcome.best:.1f}",
+                f"{100 * outcome.rate / outcome.best:.1f} %" if outcome.best else "-",
+                "-" if outcome.predicted is None else f"{outcome.predicted:.1f}",
+                str(outcome.lost),
+                str(outcome.collisions),
+            ]
+        )
+    words = (
+        f"Throughput counts from {SETTLING:g} s after a fault on, from {EARLIEST:g} s on without one. The best is the"
+        " largest of all ways to share the operations out among the stations that are left, each simulated;"
+        " predicted is what the twins expect of the assignment that the line has."
+    )
+    return page("A line whose arms fail", words, table(header, rows))
+
+
+_SHORTEST = EARLIEST + SPAN + SETTLING + 120.0
+
+
+@dataclass(frozen=True)
+class ExperimentLine(SeriesCommand[list[LineOutcome]]):
+    """Let arms of a line fail at random, with twins that act and without, and hold the throughput afterwards against
+    that of the best way to share the work out, found by simulating all.
+
+    Fails when a box is lost, vehicles touch, the line stands, or throughput with twins is below 95 % of the best
+    after a fault, or without one more than 3 % from what was predicted.
+    """
+
+    name: ClassVar = "line"
+
+    line: str = DEFAULT_NAME
+    """Line: a file (*.toml) or a name of the folder lines."""
+    faults: int = 50
+    """Number of faults."""
+    healthy: int = 2
+    """Number of runs without one."""
+    duration: float = 600.0
+    """Plant time of each run, s."""
+    without: bool = False
+    """Try every fault without twins, too."""
+
+    def measure(self, progress: Progress) -> list[LineOutcome]:
+        at_least("--faults", self.faults, 0)
+        at_least("--healthy", self.healthy, 0)
+        if not self.duration >= _SHORTEST:
+            raise ParameterError(f"--duration: expected {_SHORTEST:g} s at least, got {self.duration:g}")
+        drawn = trials(self.line, self.faults, self.healthy, self.duration, self.seed, self.without)
+        return line_faults(drawn, self.workforce(), progress)
+
+    def report(self, result: list[LineOutcome]) -> Report:
+        return faults_report(result)
+
+    def figures(self, result: list[LineOutcome]) -> dict[str, Any]:
+        return {"trials": msgspec.to_builtins(result)}
+
+    def passed(self, result: list[LineOutcome]) -> bool:
+        return kept_promises(result)

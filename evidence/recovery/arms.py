@@ -1,0 +1,248 @@
+"""Drawn faults of drawn machines of any arm, each found, answered and judged in a run of its own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Final
+
+import numpy as np
+
+from dtwin.arm.adjustment import Adjustment
+from dtwin.arm.chain import Arm, Array
+from dtwin.campaign.spread import Progress
+from dtwin.commands.frame import at_least
+from dtwin.controller.chain.embedded import ChainController
+from dtwin.emulation.chain.faults import KINDS, ChainFault, Kind
+from dtwin.monitoring.chain.sequential import HEALTHY
+from dtwin.recovery.chain.answers import MEASURES
+from dtwin.recovery.chain.operator import ArmOperator, Step
+from dtwin.run.arm_cell import ArmCell
+from dtwin.run.chain import ChainRun, ChainSettings, acting, run
+from evidence.experiment import ExperimentCommand
+from evidence.report import Report
+
+_FIRST: Final = 3000
+"""Number of the first machine, apart from those of other experiments."""
+_AFTER: Final = 20.0
+"""Time after the healthy stretch in which a fault begins, s."""
+_ANSWERED: Final = 14.0
+"""Time for which the arm goes on after its fault, s."""
+_JUDGED: Final = 4.0
+"""Time at the end in which its tracking is judged, s."""
+_AT_ONCE: Final = 20
+"""Ticks that are judged together."""
+_CLOSE: Final = 0.15
+"""Largest difference of what is compensated from what there is, in parts of it."""
+_WORSE: Final = 2.0
+"""How much farther from its path the arm may be afterwards than it was before."""
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """A fault that was answered.
+
+    Attributes:
+        machine: number of the machine.
+        fault: what was done.
+        steps: what the operator did, from the fault on.
+        early: whether something was answered before there was a fault.
+        stopped: whether the arm was stopped in the end.
+        close: whether the blocks count on what there is, to 15 %.
+        tracking: largest distance from the path at the end, in parts of that before the fault, of the worst joint.
+    """
+
+    machine: int
+    fault: ChainFault
+    steps: tuple[Step, ...]
+    early: bool
+    stopped: bool
+    close: bool
+    tracking: float
+
+    @property
+    def expected(self) -> str:
+        """The measure that is right."""
+        return MEASURES[self.fault.kind]
+
+    @property
+    def right(self) -> bool:
+        """Whether the arm stands where it has to, and else works on with what there is, as it did before."""
+        if self.early:
+            return False
+        if self.expected == "stop":
+            return self.stopped
+        return bool(self.steps) and not self.stopped and self.close and self.tracking <= _WORSE
+
+    @property
+    def delay(self) -> float | None:
+        """From the fault to the first answer, s."""
+        return self.steps[0].time - self.fault.start if self.steps else None
+
+
+class Onlooker:
+    """Feeds an operator from a run.
+
+    Args:
+        settings: the run.
+    """
+
+    def __init__(self, settings: ChainSettings) -> None:
+        self._settings = settings
+        self._seen = 0
+        self.operator: ArmOperator | None = None
+
+    def __call__(self, blocks: ChainController, rows: Array, done: int) -> None:
+        """Looks at what has passed since the last time, once that is enough."""
+        arm, late = self._settings.arm, self._settings.late
+        if self.operator is None:
+            self.operator = ArmOperator(arm, blocks)
+        if done - self._seen < _AT_ONCE:
+            return
+        first = max(0, self._seen - late - 1)
+        effort = acting(rows[2, first:done], late)[self._seen - first :]
+        part = slice(self._seen, done)
+        t: Array = arm.period * np.arange(self._seen, done, dtype=np.float64)
+        self.operator.follow(t, rows[0, part], rows[1, part], effort)
+        self._seen = done
+
+
+def recovery_case(name: str, machine: int, generator: np.random.Generator, kind: Kind) -> Case:
+    """Runs a drawn machine with a drawn fault of a kind, and judges what came of it."""
+    cell = ArmCell(arm=name, machine=str(machine))
+    arm = cell.settings(1.0, machine).arm
+    fault = drawn(arm, kind, generator)
+    settings = replace(cell.settings(fault.start + _ANSWERED, machine), faults=(fault,))
+    onlooker = Onlooker(settings)
+    ran = run(settings, beside=onlooker)
+    operator = onlooker.operator
+    assert operator is not None
+    steps = tuple(step for step in operator.steps if step.time >= fault.start)
+    return Case(
+        machine,
+        fault,
+        steps,
+        len(steps) < len(operator.steps),
+        operator.stopped or ran.stop > 0,
+        _is_close(operator.adjustment, fault, arm),
+        _tracking(ran, fault),
+    )
+
+
+def drawn(arm: Arm, kind: Kind, generator: np.random.Generator) -> ChainFault:
+    """A fault of a kind at a drawn joint and time, and of a drawn size."""
+    joint = int(generator.integers(len(arm))) if kind != "load" else 0
+    begin = round(HEALTHY + float(generator.uniform(2.0, _AFTER)), 2)
+    sense = float(generator.choice([-1.0, 1.0]))
+    payload = arm.gripper.payload if arm.gripper is not None else 0.05 * sum(link.mass for link in arm.links)
+    least, most = {
+        "K": (0.6, 0.85),
+        "friction": (1.7, 3.0),
+        "load": (0.1 * payload, 0.5 * payload),
+        "bias": (0.005, 0.03),
+        "push": (0.15 * arm.joints[joint].largest, 0.3 * arm.joints[joint].largest),
+    }.get(kind, (0.0, 0.0))
+    value = float(generator.uniform(least, most)) * (sense if kind in ("bias", "push") else 1.0)
+    return ChainFault(kind, joint, value, begin, begin + 0.5 if kind == "push" else np.inf)
+
+
+def arm_recovery(name: str, cases: int, seed: int, progress: Progress) -> tuple[Case, ...]:
+    """Draws cases, each a machine and a fault; the kinds take turns.
+
+    Args:
+        name: an arm.
+        cases: number of cases.
+        seed: number of the first machine, from 3000 on.
+        progress: is told how many cases are done.
+    """
+    found = []
+    for k in range(cases):
+        number = _FIRST + seed + k
+        found.append(recovery_case(name, number, np.random.default_rng([number, 5]), KINDS[k % len(KINDS)]))
+        progress(k + 1, cases)
+    return tuple(found)
+
+
+def _is_close(now: Adjustment, fault: ChainFault, arm: Arm) -> bool:
+    """Whether the blocks count on what there is and on nothing else."""
+    truth = Adjustment.none(len(arm))
+
+    def with_one(values: tuple[float, ...]) -> tuple[float, ...]:
+        return (*values[: fault.joint], fault.value, *values[fault.joint + 1 :])
+
+    if fault.kind == "K":
+        truth = replace(truth, strength=with_one(truth.strength))
+    elif fault.kind == "friction":
+        truth = replace(truth, friction=with_one(truth.friction))
+    elif fault.kind == "bias":
+        truth = replace(truth, offset=with_one(truth.offset))
+    elif fault.kind == "load":
+        truth = replace(truth, load=fault.value)
+    return bool(
+        np.allclose(now.strength, truth.strength, rtol=_CLOSE)
+        and np.allclose(now.friction, truth.friction, rtol=2.0 * _CLOSE)
+        and np.allclose(now.offset, truth.offset, rtol=_CLOSE, atol=0.001)
+        and np.isclose(now.load, truth.load, rtol=_CLOSE, atol=0.02 * arm.most_load)
+    )
+
+
+def _tracking(ran: ChainRun, fault: ChainFault) -> float:
+    """Largest distance of the true arm from its path at the end, in parts of that before the fault."""
+    t, error = ran.t, np.abs(ran.error)
+    before = error[(t > HEALTHY / 2) & (t < fault.start)].max(axis=0)
+    after = error[t > t[-1] - _JUDGED].max(axis=0)
+    return float((after / np.maximum(before, 1e-6)).max())
+
+
+def arm_recovery_figures(cases: tuple[Case, ...]) -> dict[str, Any]:
+    """The figures for programs."""
+    delays = [case.delay for case in cases if case.delay is not None]
+    return {
+        "cases": len(cases),
+        "right": sum(case.right for case in cases),
+        "early": sum(case.early for case in cases),
+        "stopped_without_need": sum(case.stopped and case.expected != "stop" for case in cases),
+        "delay": float(np.median(delays)) if delays else None,
+        "wrong": [{"machine": case.machine, "fault": str(case.fault)} for case in cases if not case.right],
+    }
+
+
+def arm_recovery_report(name: str, cases: tuple[Case, ...]) -> Report:
+    """The page for people."""
+    figures = arm_recovery_figures(cases)
+    rows = [
+        "| machine | fault | answers | after, s | tracking | right |",
+        "|---|---|---|---|---|---|",
+    ]
+    for case in cases:
+        answers = "; ".join(f"{step.answer.measure} ({step.finding.cause})" for step in case.steps) or "none"
+        delay = "" if case.delay is None else f"{case.delay:.1f}"
+        right = "yes" if case.right else "no"
+        rows.append(f"| {case.machine} | {case.fault} | {answers} | {delay} | {case.tracking:.2f} | {right} |")
+    words = (
+        f"{figures['right']} of {figures['cases']} right. tracking: largest distance from the path in the last "
+        f"{_JUDGED:g} s, in parts of that before the fault. {figures['early']} had an answer before their fault, "
+        f"{figures['stopped_without_need']} were stopped without need."
+    )
+    return Report(f"Recovery of drawn machines of {name}", ("\n".join(rows), words))
+
+
+@dataclass(frozen=True)
+class ExperimentArmRecovery(ExperimentCommand[tuple[Case, ...]]):
+    """Draw machines of an arm and faults, have each found and answered while the arm works, and judge the answers."""
+
+    name: ClassVar = "arm-recovery"
+
+    arm: str = "six-axis"
+    """Name of arms/, or file of an arm (*.toml)."""
+    cases: int = 20
+    """Number of machines, each with a fault; the kinds take turns."""
+
+    def measure(self, progress: Progress) -> tuple[Case, ...]:
+        at_least("--cases", self.cases, 1)
+        return arm_recovery(self.arm, self.cases, self.seed, progress)
+
+    def report(self, result: tuple[Case, ...]) -> Report:
+        return arm_recovery_report(self.arm, result)
+
+    def figures(self, result: tuple[Case, ...]) -> dict[str, Any]:
+        return arm_recovery_figures(result)

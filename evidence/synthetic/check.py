@@ -1,0 +1,200 @@
+"""Identification of drawn machines: whether intervals hold the truth, and how well other motion is predicted."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import msgspec
+import numpy as np
+
+from dtwin.arm.chain import INERTIAL
+from dtwin.campaign.spread import Progress, Workforce, spread
+from dtwin.emulation.chain.peer import fit_chain
+from dtwin.emulation.peer import is_installed
+from dtwin.errors import ParameterError
+from dtwin.identification.chain.baseline import Baseline
+from dtwin.identification.chain.design import Filtering, rigid_of, rows_of, smooth
+from dtwin.identification.chain.identify import Identification, Sample, Settings, identify, unexplained
+from dtwin.identification.chain.result import numbers
+from dtwin.measurements.measurement import Measurement
+from evidence.synthetic.machines import Drawn, drawn_machine, log_of
+
+JOINTS: Final = (6, 7)
+COVERED: Final = (0.90, 0.98)
+"""Range of the share of the 95 % intervals that shall hold the truth."""
+AHEAD: Final = 0.9
+"""Least share of the machines on which the error on other motion shall be less than the others'."""
+FASTER: Final = 10.0
+"""How many times faster than mujoco.sysid the identification shall be."""
+PEER_SECONDS: Final = 10.0
+"""Length of the motion that mujoco.sysid is given, s; all of it would take hours."""
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """A machine to be identified.
+
+    Attributes:
+        number: its number.
+        joints: number of its joints.
+        seconds: length of each of its motions, s.
+        peer: whether mujoco.sysid identifies it, too.
+    """
+
+    number: int
+    joints: int
+    seconds: float
+    peer: bool = False
+
+
+class Known(msgspec.Struct, frozen=True):
+    """What came of a machine.
+
+    Attributes:
+        number: its number.
+        joints: number of its joints.
+        groups: friction terms that proved themselves.
+        away: (estimate - truth) / half width of the 95 % interval of every number that the data tell, by name.
+        ours: unexplained share of the torque of a motion that was not fitted, joint by joint.
+        theirs: that of ordinary least squares, which is told the drives' constants.
+        seconds: time that identification and least squares took, s.
+        peer: share that mujoco.sysid leaves unexplained, joint by joint; empty where it was not asked.
+        peer_seconds: time that it took, s.
+    """
+
+    number: int
+    joints: int
+    groups: tuple[str, ...]
+    away: dict[str, float]
+    ours: tuple[float, ...]
+    theirs: tuple[float, ...]
+    seconds: tuple[float, float]
+    peer: tuple[float, ...] = ()
+    peer_seconds: float = 0.0
+
+    @property
+    def ratio(self) -> float:
+        """Our error over that of least squares, geometric mean over the joints."""
+        return float(np.exp(np.mean(np.log(self.ours) - np.log(self.theirs))))
+
+    @property
+    def peer_ratio(self) -> float:
+        """Our error over that of mujoco.sysid; 0 where it was not asked."""
+        return float(np.exp(np.mean(np.log(self.ours) - np.log(self.peer)))) if self.peer else 0.0
+
+
+def synthetic_experiment(
+    machines: int, first: int, seconds: float, peers: int, force: Workforce, progress: Progress
+) -> list[Known]:
+    """Identifies machines of consecutive numbers, two of six and two of seven joints in turn.
+
+    Args:
+        machines: how many.
+        first: number of the first one.
+        seconds: length of each of their motions, s.
+        peers: number of machines that mujoco.sysid identifies, too.
+        force: who works.
+        progress: is told how many are done.
+
+    Raises:
+        ParameterError: mujoco.sysid is asked for but not installed.
+        DtwinError: a machine cannot be identified.
+    """
+    if peers and not is_installed():
+        raise ParameterError("--peers: expected mujoco.sysid: pip install 'mujoco[sysid]'")
+    tasks = [Task(first + k, JOINTS[k // 2 % 2], seconds, k % 2 == 0 and k // 2 < peers) for k in range(machines)]
+    return spread(meet, tasks, force, progress)
+
+
+def meet(task: Task) -> Known:
+    """Identifies one machine from its logs.
+
+    Raises:
+        IdentificationError: the logs do not tell enough.
+    """
+    machine = drawn_machine(task.number, task.joints)
+    empty, weighed, unknown, other = (
+        log_of(machine, task.seconds, session, held)
+        for session, held in enumerate((0.0, machine.load, machine.unknown, 0.0))
+    )
+    samples = [Sample(empty), Sample(weighed, "weighed"), Sample(unknown, "unknown")]
+    began = time.perf_counter()
+    found = identify(machine.sheet, samples, Settings({"weighed": machine.load}))
+    took = time.perf_counter() - began
+    began = time.perf_counter()
+    baseline = Baseline(machine.sheet, [empty], machine.gain, Filtering())
+    least = time.perf_counter() - began
+    truth = dict(truth_of(machine, found))
+    away = {row.name: float((row.value - truth[row.name]) / row.half) for row in numbers(found) if row.told}
+    ours, theirs = unexplained(*found.predicted(other)), unexplained(*baseline.predicted(other))
+    peer, peer_seconds = _peer(machine, found, empty, other) if task.peer else ((), 0.0)
+    shares = tuple(ours.tolist()), tuple(theirs.tolist())
+    return Known(task.number, task.joints, found.groups, away, *shares, (took, least), peer, peer_seconds)
+
+
+def _peer(
+    machine: Drawn, found: Identification, empty: Measurement, other: Measurement
+) -> tuple[tuple[float, ...], float]:
+    """What mujoco.sysid leaves of the torque of another motion, and its time; it is told the drives' constants."""
+    stretch = smooth(empty, Filtering())[0]
+    rows = slice(round(PEER_SECONDS / stretch.dt))
+    fit = fit_chain(
+        machine.sheet, stretch.dt, stretch.q[rows], stretch.v[rows], (stretch.effort * machine.gain)[rows]
+    )
+    tested, scales = smooth(other, Filtering())[0], found.design.scales
+    rigid = rigid_of(machine.sheet, tested, scales, Filtering())
+    made, terms = rows_of(rigid, tested, scales, Filtering(), "other")
+    torque = made.rigid @ fit.parameters
+    for joint, mine in enumerate(made.terms):
+        names = terms[joint].names
+        for name, value in (("rotor", fit.rotor), ("viscous", fit.viscous), ("coulomb", fit.coulomb)):
+            torque[:, joint] += value[joint] * mine[:, names.index(name)]
+    share = unexplained(made.effort * machine.gain, torque)
+    return tuple(share.tolist()), fit.seconds
+
+
+def truth_of(machine: Drawn, found: Identification) -> Iterator[tuple[str, float]]:
+    """What a machine really has, by the names of the result."""
+    arm, losses = machine.arm, machine.losses
+    for j, (joint, link, scale) in enumerate(zip(arm.joints, arm.links, found.design.scales, strict=True)):
+        yield f"{joint.name} gain", float(machine.gain[j])
+        for speed in (0.1 * scale.speed, -0.1 * scale.speed, scale.speed, -scale.speed):
+            yield f"{joint.name} friction at {speed:+.3g}", losses.steady(j, speed, scale.temperature)
+        yield f"{joint.name} friction by load", float(losses.load[j])
+        yield f"{joint.name} rotor", float(losses.rotor[j])
+        for name, value in zip(INERTIAL, link.parameters, strict=True):
+            yield f"{link.name} {name}", float(value)
+    yield "load weighed m", machine.load
+    yield "load unknown m", machine.unknown
+
+
+def kind_of(name: str) -> str:
+    """What sort of number a name stands for: gain, friction, rotor, load, or the inertial parameter of a link."""
+    for kind in ("gain", "friction by load", "friction", "rotor"):
+        if f" {kind}" in name:
+            return kind
+    return "load" if name.startswith("load ") else name.rpartition(" ")[2]
+
+
+def covered(found: Sequence[Known], kind: str | None = None) -> float:
+    """Share of the 95 % intervals of what the data tell that hold the truth; NaN where there is none."""
+    away = [abs(value) for one in found for name, value in one.away.items() if kind in (None, kind_of(name))]
+    return float(np.mean(np.array(away) <= 1.0)) if away else float("nan")
+
+
+def ahead(found: Sequence[Known]) -> float:
+    """Share of the machines on which we predict other motion better than least squares and, where asked, the peer."""
+    return float(np.mean([max(one.ratio, one.peer_ratio) < 1.0 for one in found]))
+
+
+def faster(found: Sequence[Known]) -> float:
+    """How many times faster than mujoco.sysid we were, the least of the machines; infinite where it was not asked."""
+    return min((one.peer_seconds / one.seconds[0] for one in found if one.peer), default=float("inf"))
+
+
+def kept(found: Sequence[Known]) -> bool:
+    """Whether intervals are honest, and whether we were ahead and faster."""
+    return COVERED[0] <= covered(found) <= COVERED[1] and ahead(found) >= AHEAD and faster(found) >= FASTER
