@@ -59,6 +59,12 @@ class XmlElement:
         for child in self._element.iterchildren(tag or "*"):
             yield XmlElement(child, self.file)
 
+    @property
+    def parent(self) -> XmlElement:
+        """The element that this one is in; itself at the root."""
+        above = self._element.getparent()
+        return self if above is None else XmlElement(above, self.file)
+
     def child(self, tag: str) -> XmlElement | None:
         """The first child of that tag."""
         return next(self.children(tag), None)
@@ -145,11 +151,18 @@ def parse_xml(data: bytes, file: str) -> XmlElement:
         raise FunctionBlockError(f"not well-formed XML: {error.msg}", file, line, column) from None
     except ValueError as error:
         raise FunctionBlockError(f"not well-formed XML: {error}", file) from None
-    dtd = root.getroottree().docinfo.internalDTD
-    if dtd is not None and next(dtd.iterentities(), None) is not None:
-        raise FunctionBlockError("entity definitions are not accepted", file, 1)
-    _check_tree(root, file)
+    if not _is_flat(data):
+        dtd = root.getroottree().docinfo.internalDTD
+        if dtd is not None and next(dtd.iterentities(), None) is not None:
+            raise FunctionBlockError("entity definitions are not accepted", file, 1)
+        _check_tree(root, file)
     return XmlElement(root, file)
+
+
+def _is_flat(data: bytes) -> bool:
+    """Whether a text can have neither a DTD nor too many levels, as its bytes show: most messages are so."""
+    utf8 = data[:1] == b"<" and data[1:2] != b"?"  # No declaration names another encoding.
+    return utf8 and b"!" not in data and data.count(b"<") <= MAXIMUM_DEPTH
 
 
 def _check_tree(root: Any, file: str) -> None:

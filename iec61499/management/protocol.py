@@ -57,6 +57,8 @@ EVENT_COUNT: Final = "$er"
 _BARE: Final = re.compile(r"&(?!(?:amp|lt|gt|quot|apos|#\d{1,7}|#x[0-9a-fA-F]{1,6});)")
 """An ampersand that begins no escape, as 4diac IDE sends it in texts."""
 _SIZE: Final = re.compile("[0-9]{1,5}")
+_PLAIN: Final = re.compile(r"[\w.+*:\- ]*", re.ASCII)
+"""What needs no escape, as nearly all texts."""
 _UNFIT: Final = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """What XML 1.0 has no way to write."""
 _ESCAPES: Final = str.maketrans(
@@ -322,12 +324,10 @@ def parse_response(text: str) -> Response:
 
 
 def _watched(resource: XmlElement) -> Iterator[tuple[str, Watched]]:
-    for block in resource.children("FB"):
-        for port in block.children("Port"):
-            for data in port.children("Data"):
-                is_event = bool(data.get("time"))
-                watched = Watched(data.get("value"), data.get("forced") == "true", is_event)
-                yield f"{block.get('name')}.{port.get('name')}", watched
+    for data in resource.descendants("Data"):
+        port = data.parent
+        watched = Watched(data.get("value"), data.get("forced") == "true", bool(data.get("time")))
+        yield f"{port.parent.get('name')}.{port.get('name')}", watched
 
 
 def _ports(watches: dict[str, Watched]) -> str:
@@ -356,4 +356,6 @@ def _read_subject(action: str, element: XmlElement) -> Subject:
 
 
 def _escape(text: str) -> str:
+    if _PLAIN.fullmatch(text):
+        return text
     return _UNFIT.sub("\N{REPLACEMENT CHARACTER}", text.translate(_ESCAPES))
