@@ -1,7 +1,7 @@
 """What a run of a line leaves in its folder: how it went, what was decided, and the logs of its stations.
 
 RUN/course.json has line, events and samples; RUN/history.jsonl every decision as it was made; RUN/NAME.parquet the
-log of a station.
+log of a station; RUN/tables what happened, as tables for SQL.
 """
 
 from __future__ import annotations

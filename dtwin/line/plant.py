@@ -98,7 +98,8 @@ class Plant:
         stations: the stations by their names.
         buffers: numbers of the boxes in each buffer, the next one first.
         events: what has happened since `drain`.
-        outside: boxes that wait in front of the source.
+        source: number of the box at the source, 0 for none.
+        outside: boxes that wait in front of it.
         lost: boxes that were lost.
         collisions: pairs of vehicles that touched one another, each counted once per touch.
     """
@@ -114,7 +115,7 @@ class Plant:
         self.outside = 0
         self.lost = 0
         self.collisions = 0
-        self._source = 0
+        self.source = 0
         self._cycles = 0
         self._arrived = 0
         self._touching: set[tuple[str, str]] = set()
@@ -156,7 +157,7 @@ class Plant:
     def entry_tag(self, zone: int) -> int:
         """Tag of the box that comes next into a zone."""
         waiting = self.buffers[zone - 1] if zone else ()
-        return self.tag(self._source if not zone else waiting[0] if waiting else 0)
+        return self.tag(self.source if not zone else waiting[0] if waiting else 0)
 
     def room(self, zone: int) -> int:
         """Number of boxes for which there is room at the exit of a zone."""
@@ -182,7 +183,7 @@ class Plant:
         """Number of boxes in the line now, wherever they are."""
         held = sum(bool(n) for s in self.stations.values() for n in (s.waits, s.worked, s.finished))
         carried = sum(bool(vehicle.box) for vehicle in self.vehicles.values())
-        return held + carried + sum(map(len, self.buffers)) + bool(self._source)
+        return held + carried + sum(map(len, self.buffers)) + bool(self.source)
 
     def _say(self, kind: str, who: str, box: int = 0, text: str = "") -> None:
         self.events.append(LineEvent(self.time, kind, who, box, text))
@@ -236,7 +237,7 @@ class Plant:
         """Takes a box out of a slot; its number, 0 for none."""
         number = self.line.zones.index(zone)
         if slot == ENTRY and number == 0:
-            box, self._source = self._source, 0
+            box, self.source = self.source, 0
             return box
         if slot == ENTRY:
             return self.buffers[number - 1].popleft() if self.buffers[number - 1] else 0
@@ -279,13 +280,13 @@ class Plant:
         while self._arrived * self.line.source.every <= self.time:
             self._arrived += 1
             self.outside += 1
-        if self.outside and not self._source:
+        if self.outside and not self.source:
             source = self.line.source
             mass = source.lightest + (source.heaviest - source.lightest) * float(self._generator.random())
-            self._source = len(self.boxes) + 1
-            self.boxes[self._source] = LineBox(self._source, mass)
+            self.source = len(self.boxes) + 1
+            self.boxes[self.source] = LineBox(self.source, mass)
             self.outside -= 1
-            self._say("entered", source.node, self._source)
+            self._say("entered", source.node, self.source)
 
     def _watch(self) -> None:
         """Looks for vehicles that touch one another, whatever control believes."""

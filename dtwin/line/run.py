@@ -160,8 +160,12 @@ class LineRun:
         """Plant time, s."""
         return self.plant.time
 
-    def run(self, progress: Callable[[float], None] | None = None) -> None:
+    def run(self, progress: Callable[[float], None] | None = None, look: Callable[[], None] | None = None) -> None:
         """Runs to the end.
+
+        Args:
+            progress: told the plant time once a second, s.
+            look: called after every cycle.
 
         Raises:
             DtwinError: a box has vanished, or an arm or the blocks have failed.
@@ -169,6 +173,8 @@ class LineRun:
         began = time.perf_counter()
         while not self.over:
             self.step()
+            if look is not None:
+                look()
             if progress is not None and self._cycle % _LOOK == 0:
                 progress(self.time)
         self.wall = time.perf_counter() - began

@@ -53,14 +53,12 @@ class Extent:
 def extent_of(log: Log, task: Task) -> Extent:
     """What holds a whole log of at least one tick."""
     t = log.columns["t"]
-    margin = 0.02 * max(float(t[-1] - t[0]), 0.1)
-    start, end = (rr.TimeRangeBoundary.absolute(seconds=float(moment)) for moment in (t[0] - margin, t[-1] + margin))
     told = ~np.isnan(log.stack("target"))
     shown = np.concatenate((log.angles(), log.stack("target")[told.all(axis=1)]))
     usual = _angles(task)
     error = 1e3 * (log.stack("target") - log.angles())[told]
     return Extent(
-        rr.TimeRange(start, end),
+        whole_range(float(t[0]), float(t[-1])),
         (min(usual[0], math.floor(shown.min())), max(usual[1], math.ceil(shown.max()))),
         reach(error, 1.0),
         _payload(float(np.nanmax(log.columns["payload_mass"], initial=task.boxes.heaviest))),
@@ -177,14 +175,22 @@ def _events() -> rrb.TextLogView:
 
 
 def _states(extent: Extent) -> rrb.StateTimelineView:
-    view = rrb.StateTimelineView(
-        name="Controller and boxes",
-        origin="/",
-        contents=["controller/**", f"{series.STATES}/**"],
-        time_view=rrb.TimeAxis(link="linktoglobal", view_range=extent.time),
-    )
+    return lanes_view("Controller and boxes", ["controller/**", f"{series.STATES}/**"], extent.time)
+
+
+def lanes_view(name: str, contents: Sequence[str], time: rr.TimeRange) -> rrb.StateTimelineView:
+    """Lanes of states over a time, which all linked time axes then show."""
+    axis = rrb.TimeAxis(link="linktoglobal", view_range=time)
+    view = rrb.StateTimelineView(name=name, origin="/", contents=list(contents), time_view=axis)
     view.id = _SHARED_AXIS
     return view
+
+
+def whole_range(first: float, last: float) -> rr.TimeRange:
+    """The time from a first to a last moment, s, and a little around it."""
+    margin = 0.02 * max(last - first, 0.1)
+    ends = (rr.TimeRangeBoundary.absolute(seconds=moment) for moment in (first - margin, last + margin))
+    return rr.TimeRange(*ends)
 
 
 def _error(extent: Extent) -> rrb.TimeSeriesView:

@@ -49,6 +49,7 @@ RUN: Final[dict[str, tuple[str, ...]]] = {
     "machine show": (),
     "machine draw": (),
     "line run": ("--duration", "2"),
+    "line query": (),
     "line report": (),
     "fb check": (),
     "fb test": (),

@@ -5,20 +5,24 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import tyro
+from rich.table import Column, Table
 
 from dtwin.controller.runtime import RuntimeOption, chosen
 from dtwin.errors import ParameterError
-from dtwin.files import ensure_writable, replacing
+from dtwin.files import RECORDING, ensure_writable, replacing
 from dtwin.line.control import Exchange, Served
+from dtwin.line.drawing import Drawing
 from dtwin.line.file import DEFAULT_NAME, line_of
 from dtwin.line.kept import Kept, kept, prepare, read, write
+from dtwin.line.line import Line
 from dtwin.line.report import page, summary
 from dtwin.line.run import LineRun, LineSettings, Mode
 from dtwin.line.system import system
-from dtwin.terminal import print_json, printable
+from dtwin.line.tables import MOST_ROWS, ask, write_tables
+from dtwin.terminal import as_text, print_json, print_table, printable
 
 _HTML: Final = ".html"
 LONGEST: Final = 86_400.0
@@ -26,6 +30,14 @@ LONGEST: Final = 86_400.0
 DEMO: Final = LineSettings(duration=420.0, faults=(("a2", "K2*=0.1@137.5-270"),))
 """The run of the demonstration: the arm of a2 loses nine tenths of a motor's torque with a box held, and is repaired
 later."""
+
+
+class Written(NamedTuple):
+    """Where a run is written: its folder, its page and its recording; None for what is not wanted."""
+
+    out: Path | None
+    report: Path | None
+    record: Path | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,6 +63,8 @@ class LineRunCommand(RuntimeOption):
     """New folder for how it went, the history of decisions, and the logs of all stations."""
     report: Path | None = None
     """Page to write (*.html)."""
+    record: Path | None = None
+    """Recording to write for the Rerun viewer (*.rrd)."""
     json: bool = False
     """Print one JSON object on standard output and nothing else."""
 
@@ -60,12 +74,16 @@ class LineRunCommand(RuntimeOption):
         settings = LineSettings(self.duration, self.twins, tuple(map(fault_of, self.fault)), self.devices)
         with chosen(self.runtime):
             if not self.served:
-                return _carried_out(self.line, settings, self.out, self.report, self.json)
+                return self._carried_out(line_of(self.line), settings)
             if self.devices:
                 raise ParameterError("--served, --devices: expected one of them")
             line = line_of(self.line)
             with Served(line, system(line)) as blocks:
-                return _carried_out(self.line, settings, self.out, self.report, self.json, blocks)
+                return self._carried_out(line, settings, blocks)
+
+    def _carried_out(self, line: Line, settings: LineSettings, blocks: Exchange | None = None) -> int:
+        written = Written(self.out, self.report, self.record)
+        return _carried_out(line, settings, written, self.json, blocks)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,14 +92,16 @@ class LineDemo:
     to another station, vehicles are redirected; later it is repaired, and the work comes back."""
 
     out: Path | None = None
-    """New folder for the recording: how it went, the history of decisions, and the logs of all stations."""
+    """New folder for how it went, the history of decisions, and the logs of all stations."""
     report: Path = Path("line.html")
     """Page to write (*.html)."""
+    record: Path = Path("line.rrd")
+    """Recording to write for the Rerun viewer (*.rrd)."""
     json: bool = False
     """Print one JSON object on standard output and nothing else."""
 
     def execute(self) -> int:
-        return _carried_out(DEFAULT_NAME, DEMO, self.out, self.report, self.json)
+        return _carried_out(line_of(DEFAULT_NAME), DEMO, Written(self.out, self.report, self.record), self.json)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,6 +124,43 @@ class LineReport:
         return 0
 
 
+@dataclass(frozen=True, kw_only=True)
+class LineQuery:
+    """Answer a question in SQL about runs of lines, with DuckDB.
+
+    Tables are events, decisions, stations, vehicles, boxes, and log_NAME, the log of station NAME; oee, throughput
+    and losses follow from them. Each has the column run, the name of the folder. A question changes nothing and
+    reaches no file.
+    """
+
+    question: tyro.conf.Positional[str]
+    """The question, such as "select * from oee"."""
+    runs: tyro.conf.Positional[tuple[Path, ...]]
+    """Folders of the runs, which `dtwin line run --out` has written."""
+    json: bool = False
+    """Print one JSON object on standard output and nothing else."""
+
+    def execute(self) -> int:
+        if not self.runs:
+            raise ParameterError("expected the folder of at least one run of `dtwin line run --out`")
+        answer = ask(self.question, self.runs)
+        if self.json:
+            print_json({"columns": answer.columns, "rows": answer.rows, "more": answer.more})
+            return 0
+        table = Table(*(Column(as_text(name)) for name in answer.columns))
+        for row in answer.rows:
+            table.add_row(*(as_text(_cell(value)) for value in row))
+        print_table(table)
+        if answer.more:
+            print(f"and more: the first {MOST_ROWS} rows are shown")
+        return 0
+
+
+def _cell(value: object) -> str:
+    """A value of a table; times and shares with at most three decimals."""
+    return "" if value is None else f"{value:.3f}".rstrip("0").rstrip(".") if isinstance(value, float) else str(value)
+
+
 def fault_of(text: str) -> tuple[str, str]:
     station, colon, fault = text.partition(":")
     if not colon:
@@ -112,26 +169,26 @@ def fault_of(text: str) -> tuple[str, str]:
 
 
 def _carried_out(
-    line: str,
-    settings: LineSettings,
-    out: Path | None,
-    report: Path | None,
-    json: bool,
-    blocks: Exchange | None = None,
+    line: Line, settings: LineSettings, written: Written, json: bool, blocks: Exchange | None = None
 ) -> int:
     """Runs a line and writes what is asked for; 1 if a box was lost or vehicles touched."""
-    if report is not None:
-        ensure_writable(report, _HTML)
-    planned = line_of(line)
-    run = LineRun(planned, settings, None if out is None else prepare(out), blocks)
+    out, report, record = written
+    for path, ending in ((report, _HTML), (record, RECORDING)):
+        if path is not None:
+            ensure_writable(path, ending)
+    run = LineRun(line, settings, None if out is None else prepare(out), blocks)
+    drawing = None if record is None else Drawing(run)
     try:
-        run.run(None if json or not sys.stderr.isatty() else _progress)
+        run.run(None if json or not sys.stderr.isatty() else _progress, None if drawing is None else drawing.look)
     finally:
         if out is not None:
             write(run, out)
+            write_tables(kept(run), out)
     found = kept(run)
     if report is not None:
         _write_page(found, report)
+    if drawing is not None and record is not None:
+        drawing.write(record)
     _told(found, json, report, run.time / run.wall if run.wall else 0.0)
     return int(found.lost > 0 or found.collisions > 0)
 

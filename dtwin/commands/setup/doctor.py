@@ -33,6 +33,7 @@ _EXTRAS: Final = {
     "docs": "the documentation as a site",
     "film": "films as MP4",
     "frames": "data frames of a run",
+    "line": "questions in SQL about runs of lines",
     "sbom": "bills of materials",
     "test": "the tests",
 }
