@@ -30,9 +30,10 @@ def write_bag(measurement: Measurement, path: Path) -> None:
     """Writes one MCAP file.
 
     /joint_states has positions, velocities, and an effort that is a torque, or of which nobody knows what it is;
-    /dynamic_joint_states what JointState has no word or unit for: torque, current, voltage, temperature;
-    /joint_commands the commanded positions; /episode the number of the episode, whenever it changes. The stamps of
-    the headers are those of the measurement; the times of the recording go on where stamps begin again.
+    /dynamic_joint_states what JointState has no word or unit for: torque, current, voltage, temperature, and
+    positions of the motors; /joint_commands the commanded positions; /episode the number of the episode, whenever it
+    changes. The stamps of the headers are those of the measurement; the times of the recording go on where stamps
+    begin again.
 
     Raises:
         RecordingError: rosbags is not installed.
@@ -88,6 +89,8 @@ def _interfaces(measurement: Measurement) -> dict[str, Array]:
         found[UNITS[measurement.kind][0]] = measurement.effort
     if measurement.temperature is not None:
         found["temperature"] = measurement.temperature
+    if measurement.motor is not None:
+        found["motor"] = measurement.motor
     return found
 
 

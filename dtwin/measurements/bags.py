@@ -18,7 +18,9 @@ from dtwin.measurements.naming import EPISODE, KINDS, TIME, UNITS, checked_joint
 _FIELDS: Final = ("position", "velocity", "effort")
 _COMMANDED: Final = re.compile(r"command|cmd|target|desired|reference|goal", re.IGNORECASE)
 """What topics of commanded joint states are called."""
-_SCALED: Final = {"temperature": "C"} | {name: UNITS[kind][1] for name, kind in KINDS.items() if kind is not None}
+_SCALED: Final = {"temperature": "C", "motor": "rad"} | {
+    name: UNITS[kind][1] for name, kind in KINDS.items() if kind is not None
+}
 """Interfaces of ros2_control whose unit is known by their names."""
 
 
@@ -135,7 +137,7 @@ def _dynamic(
     if effort is not None:
         for joint in joints:
             columns.pop(column_name("effort", joint, "?"), None)
-    kept = [effort, "temperature"]
+    kept = [effort, "temperature", "motor"]
     return {name: column for quantity in kept if quantity for name, column in known[quantity].items()}
 
 

@@ -56,11 +56,16 @@ def measurement_of(table: Table, columns: ColumnMap, arm: Arm | None = None) -> 
     repairs.limits(rows, arm)
     repairs.frozen(rows)
     repairs.clipped(rows)
+    repairs.held(rows)
     if len(rows.row) < max(20, (1.0 - _LOST) * rows.count):
         worst = max(rows.odd, key=lambda odd: odd.count, default=None)
-        why = "" if worst is None else f", {worst.count} of them: {worst.column} {worst.what}"
-        raise RecordingError(f"{table.source}: {rows.count - len(rows.row)} of {rows.count} rows cannot be used{why}")
+        lost = f"{rows.count - len(rows.row)} of {rows.count} rows cannot be used"
+        if worst is None:
+            raise RecordingError(f"{table.source}: {lost}: expected at least 20")
+        place = f"column {worst.column or columns.time or columns.position.columns[0]}, row {max(worst.row, 0)}"
+        raise RecordingError(f"{table.source}: {place}: {worst.what}; {lost}, {worst.count} of them for that")
     repairs.velocities(rows)
+    repairs.motors(rows)
     return _finished(rows, arm)
 
 
@@ -157,7 +162,8 @@ def _time(rows: Rows) -> None:
     if not 1e-5 <= usual <= 2.0:
         unit = "ms" if 2.0 < usual <= 2e3 else "us" if 2e3 < usual <= 2e6 else "ns" if usual > 2e6 else "s"
         raise RecordingError(
-            f"{rows.source}: column {rows.map.time}: a row every {usual:g} s: is time_unit = {unit!r} meant?"
+            f"{rows.source}: column {rows.map.time}, row {rows.row[0]}: a row every {usual:g} s: is time_unit = "
+            f"{unit!r} meant?"
         )
     jitter = np.abs(steps / usual - 1.0) > 0.2
     if jitter.mean() > 0.05:
@@ -193,6 +199,7 @@ def _finished(rows: Rows, arm: Arm | None) -> Measurement:
         (0, *(np.flatnonzero(new | gap) + 1).tolist()),
         episode,
         tuple(rows.odd),
+        arrays.get("motor"),
     )
 
 

@@ -15,6 +15,8 @@ columns = ["i1", "i2"]
 unit = "A"                   # N m, mN m, N, A, mA, V
 
 [command]                    # and [velocity], [temperature]
+
+[motor]                      # a second encoder, at the motor; its gear brings it to the joint's side
 """
 
 from __future__ import annotations
@@ -30,7 +32,7 @@ from dtwin.errors import RecordingError, choices
 from dtwin.files import reason_of
 from dtwin.measurements import naming
 from dtwin.measurements.doors import Table
-from dtwin.measurements.measurement import Effort
+from dtwin.measurements.measurement import Effort, Oddity
 
 _TURN: Final = 2.0 * np.pi
 TIME: Final = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
@@ -44,6 +46,10 @@ EFFORTS: Final[dict[str, tuple[float, Effort]]] = {
     "mA": (1e-3, "current"),
     "V": (1.0, "voltage"),
 }
+
+
+ROLES: Final = ("position", "velocity", "effort", "command", "temperature", "motor")
+"""Quantities that a map may name columns of."""
 
 
 class Role(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -78,6 +84,7 @@ class ColumnMap(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         effort: torque, current or voltage.
         command: commanded positions.
         temperature: temperatures of the drives, degrees Celsius.
+        motor: positions on the motors' side of the gears, where they were measured as well.
         episode: column of the episode's number.
     """
 
@@ -89,10 +96,11 @@ class ColumnMap(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     effort: Role | None = None
     command: Role | None = None
     temperature: Role | None = None
+    motor: Role | None = None
     episode: str = ""
 
     def roles(self) -> dict[str, Role]:
-        found = {name: getattr(self, name) for name in ("position", "velocity", "effort", "command", "temperature")}
+        found = {name: getattr(self, name) for name in ROLES}
         return {name: role for name, role in found.items() if role is not None}
 
 
@@ -164,15 +172,20 @@ def checked_map(columns: ColumnMap, table: Table, joints: int | None = None) -> 
 
 
 _NAMES: Final = {
+    "motor": r"((motor|rotor)_?(pos|angle)|(pos|angle|theta)_?(motor|rotor)|^q_?m(otor)?_?\d|^theta_?m_?\d)",
     "command": r"(^action\b|cmd|command|target|desired|goal|setpoint|_des\b|des_|_ref\b)",
     "velocity": r"(^qd\b|^q?d_?q|^qd\d|^dq|^v\d|vel|qdot|omega|speed)",
-    "effort": r"(tau|torq|effort|curr|^i_?\d|amp|volt|load)",
+    "effort": r"(tau|torq|effort|curr(?!ent_?(joint_?)?(pos|ang|state|q))|^i_?\d|amp|volt|load)",
     "temperature": r"(temp)",
     "position": r"(^q\b|^q_?\d|^q\.|pos|angle|theta|joint|observation\.state|state|measured)",
 }
 _TIME_NAMES: Final = (
     r"^(t|time|timestamp|stamp|sec|seconds|time_?s|timestamp_s|elapsed|t_?(ms|us|ns)|time_?(ms|us|ns))$"
 )
+_MEASURED: Final = r"(meas|actual|present)"
+"""Words that tell what was measured from what was computed."""
+_NO_ANGLE: Final = rf"({_NAMES['velocity'][1:-1]}|^qd|{_NAMES['effort'][1:-1]})"
+"""Names of commands that are no positions."""
 _EPISODES: Final = r"^(episode|episode_index|episode_id|run|trial)$"
 _APART: Final = 10
 """Rows over which a slope is taken, so that steps of the encoder and jitter of the stamps do not hide it."""
@@ -192,12 +205,22 @@ def guess_map(table: Table, joints: int | None = None) -> ColumnMap:
     Raises:
         RecordingError: no columns look like positions.
     """
+    return guess(table, joints)[0]
+
+
+def guess(table: Table, joints: int | None = None) -> tuple[ColumnMap, tuple[Oddity, ...]]:
+    """What the columns seem to mean, and what of it is not clear.
+
+    Raises:
+        RecordingError: no columns look like positions.
+    """
     if not table.named:
-        return _by_numbers(table, joints)
+        return _by_numbers(table, joints), ()
     if naming.is_ours(table.columns):
-        return _by_our_names(table)
+        return _by_our_names(table), ()
     if set(_CELL) <= set(table.columns):
-        return ColumnMap(Role(_CELL[:3], "rad"), "t", effort=Role(_CELL[3:6], "V"), command=_targets(table))
+        cell = ColumnMap(Role(_CELL[:3], "rad"), "t", effort=Role(_CELL[3:6], "V"), command=_targets(table))
+        return cell, ()
     names = list(table.columns)
     time = next((n for n in names if re.search(_TIME_NAMES, n, re.IGNORECASE)), "")
     episode = next((n for n in names if re.search(_EPISODES, n, re.IGNORECASE)), "")
@@ -208,17 +231,42 @@ def guess_map(table: Table, joints: int | None = None) -> ColumnMap:
         role = next((r for r, pattern in _NAMES.items() if re.search(pattern, name, re.IGNORECASE)), None)
         if role:
             groups.setdefault(role, {}).setdefault(_stem(name), []).append(name)
-    chosen = {role: _fitting(stems, joints) for role, stems in groups.items()}
-    if not chosen.get("position"):
+    if "position" not in groups and "motor" in groups:  # the only encoders that there are
+        groups["position"] = groups.pop("motor")
+    if not groups.get("position"):
         raise RecordingError(
             f"{table.source}: no columns look like positions: give --columns MAP; the file has {', '.join(names)}"
         )
-    count = len(chosen["position"])
-    roles: dict[str, Any] = {
-        role: Role(tuple(found), _unit(role, found, table)) for role, found in chosen.items() if len(found) == count
-    }
+    count = len(_fitting(groups["position"], joints))
+    roles: dict[str, Any] = {}
+    unclear: list[Oddity] = []
+    for role, stems in groups.items():
+        found, why = _chosen(role, {stem: found for stem, found in stems.items() if len(found) == count})
+        unclear += why
+        if found:
+            roles[role] = Role(tuple(found), _unit(role, found, table))
     unit = next((u for u in ("ms", "us", "ns") if re.search(rf"_?{u}$", time, re.IGNORECASE)), "s")
-    return ColumnMap(time=time, time_unit=unit, episode=episode, **roles)
+    return ColumnMap(time=time, time_unit=unit, episode=episode, **roles), tuple(unclear)
+
+
+def _chosen(role: str, stems: dict[str, list[str]]) -> tuple[list[str], list[Oddity]]:
+    """The columns of a quantity among groups that have one for each joint, and what is not clear.
+
+    Which of several sensors of temperature tells that of the friction or of the magnets, no name says; so none is
+    taken.
+    """
+    if role == "command":
+        stems = {stem: found for stem, found in stems.items() if not re.search(_NO_ANGLE, stem, re.IGNORECASE)}
+    measured = {stem: found for stem, found in stems.items() if re.search(_MEASURED, stem, re.IGNORECASE)}
+    left = measured if len(measured) == 1 else stems
+    if len(left) < 2 or role in ("position", "command"):
+        return next(iter(left.values()), []), []
+    names, first = ", ".join(left), next(iter(left))
+    if role == "temperature":
+        what = f"temperatures of several kinds ({names}): none is taken, as a map of columns has to say which counts"
+        return [], [Oddity(what, False, left[first][0])]
+    what = f"{role} of several kinds ({names}): {first} is taken, a map of columns can name another one"
+    return left[first], [Oddity(what, False, left[first][0])]
 
 
 def _targets(table: Table) -> Role | None:

@@ -50,6 +50,8 @@ class Measurement:
         starts: first row of every stretch without a gap: an episode, or what follows a gap; begins with 0.
         episodes: number of the episode of every row, (N,).
         oddities: what was repaired and what is odd.
+        motor: positions on the motors' side of the gears, as the joint would have them, (N, n), rad or m; None where
+            there are no encoders.
     """
 
     source: str
@@ -64,6 +66,7 @@ class Measurement:
     starts: tuple[int, ...] = (0,)
     episodes: NDArray[np.int64] | None = None
     oddities: tuple[Oddity, ...] = ()
+    motor: Array | None = None
 
     def __len__(self) -> int:
         return len(self.t)
@@ -85,7 +88,7 @@ class Measurement:
         """A part of one stretch."""
         arrays: dict[str, Any] = {
             name: None if (column := getattr(self, name)) is None else column[rows]
-            for name in ("t", "q", "v", "effort", "command", "temperature", "episodes")
+            for name in ("t", "q", "v", "effort", "command", "temperature", "motor", "episodes")
         }
         return replace(self, starts=(0,), **arrays)
 

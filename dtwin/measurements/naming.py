@@ -19,7 +19,7 @@ UNITS: Final[dict[Effort | None, tuple[str, str]]] = {
 }
 """Name and unit of each kind of effort; ? where nobody said the unit."""
 KINDS: Final[dict[str, Effort | None]] = {name: kind for kind, (name, _) in UNITS.items()}
-QUANTITIES: Final = ("position", "velocity", "command", "temperature", *KINDS)
+QUANTITIES: Final = ("position", "velocity", "command", "temperature", "motor", *KINDS)
 _FORM: Final = re.compile(rf"({'|'.join(QUANTITIES)})\.(.+) \[([^\[\]]+)\]", re.DOTALL)
 
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from dtwin.arm.chain import Arm
 from dtwin.measurements.checks import measurement_of
-from dtwin.measurements.columns import ColumnMap, checked_map, guess_map
+from dtwin.measurements.columns import ColumnMap, checked_map, guess
 from dtwin.measurements.doors import Table, read_table
 from dtwin.measurements.measurement import Measurement
 
@@ -25,6 +26,16 @@ def table_of(path: Path) -> Table:
     return read_bag(path)
 
 
+def guessed(table: Table, joints: int | None) -> tuple[Table, ColumnMap]:
+    """The table with what is not clear of its columns, and what they seem to mean.
+
+    Raises:
+        RecordingError: no columns look like positions.
+    """
+    columns, unclear = guess(table, joints)
+    return replace(table, oddities=(*table.oddities, *unclear)), columns
+
+
 def read_measurement(path: Path, columns: ColumnMap | None = None, arm: Arm | None = None) -> Measurement:
     """Reads a log.
 
@@ -39,5 +50,5 @@ def read_measurement(path: Path, columns: ColumnMap | None = None, arm: Arm | No
     """
     table = table_of(path)
     joints = None if arm is None else len(arm)
-    chosen = guess_map(table, joints) if columns is None else columns
+    table, chosen = guessed(table, joints) if columns is None else (table, columns)
     return measurement_of(table, checked_map(chosen, table, joints), arm)

@@ -23,8 +23,12 @@ _MISSED: Final = 0.05
 """Part of a joint's travel that it may miss so."""
 _LEAST_MISSED: Final = 0.02
 """What a joint must have missed at least, rad or m: less is the noise of a velocity at rest."""
+_HELD: Final = 0.5
+"""Share of a moving joint's rows that repeat the row before, from which on its values come more seldom than rows."""
+_LEAST_STEP: Final = 1e-3
+"""Travel within which two steps of an encoder are no motion, rad or m."""
 _CLIPPED: Final = 5
-"""Rows in a row at the same largest effort from which on it was cut off."""
+"""Times as long at the same largest effort as a value usually lasts, from which on it was cut off."""
 _LEVELS: Final = 50
 """Different values up to which an effort that stays the same is a coarse sensor at rest, not one at its limit."""
 _PILED: Final = 3.0
@@ -52,6 +56,8 @@ _MISTAKES: Final = {
     "one is a thousandth of the other": 1e-3,
 }
 """Ratios of slope to velocity that say what is wrong."""
+_GEARED: Final = 0.05
+"""Part by which a motor may seem to turn further than its joint by what its gear yields."""
 _LIMIT: Final = 0.2
 """What a position may lie beyond its limit, rad or m."""
 _TURN: Final = 2.0 * np.pi
@@ -88,7 +94,7 @@ def _runs(flags: NDArray[np.bool_], least: int) -> NDArray[np.bool_]:
 
 def turns(rows: Rows, arm: Arm | None) -> None:
     """Positions that jump by a whole turn."""
-    for name in ("position", "command"):
+    for name in ("position", "command", "motor"):
         if name not in rows.arrays or rows.map.roles()[name].unit in ("percent", "m", "mm"):
             continue
         for joint, values in enumerate(rows.arrays[name].T):
@@ -130,7 +136,7 @@ def frozen(rows: Rows) -> None:
     bad = np.zeros(len(t), dtype=bool)
     for joint, values in enumerate(rows.arrays["position"].T):
         same = np.diff(values, prepend=np.nan) == 0.0
-        if same.all():
+        if _stands(values):
             rows.told("the joint never moves: nothing can be said of it", False, None, rows.name("position", joint))
             continue
         least = max(5, int(_FROZEN / max(float(np.median(np.diff(t))), 1e-6)))
@@ -140,6 +146,11 @@ def frozen(rows: Rows) -> None:
     if bad.any():
         rows.told("a position stands still while the joint moves: the rows are left out as a gap", True, bad)
         rows.keep(~bad)
+
+
+def _stands(values: Array) -> bool:
+    """Whether a joint never moved but for a step of its encoder to and fro."""
+    return bool(np.ptp(values) < _LEAST_STEP) and len(np.unique(values)) <= 3
 
 
 def _travelled(rows: Rows, joint: int, start: int, stop: int) -> float:
@@ -168,10 +179,11 @@ def clipped(rows: Rows) -> None:
         return
     bad = np.zeros(len(rows.row), dtype=bool)
     for joint, values in enumerate(rows.arrays["effort"].T):
+        least = _CLIPPED * _lasting(values)
         for limit in (values.max(), values.min()):
             at = values == limit
             near = np.abs(values - limit) < max(0.02 * np.ptp(values), 1.5 * _quantum(values))
-            cut = _runs(at, _CLIPPED)
+            cut = _runs(at, least)
             if cut.any() and len(np.unique(values)) > _LEVELS and at.sum() > _PILED * (near & ~at).sum():
                 rows.told(
                     f"effort is cut off at {limit:.4g}: the rows are left out", True, cut, rows.name("effort", joint)
@@ -181,6 +193,12 @@ def clipped(rows: Rows) -> None:
             rows.told("the effort never changes: nothing can be said of it", False, None, rows.name("effort", joint))
     if bad.any():
         rows.keep(~bad)
+
+
+def _lasting(values: Array) -> int:
+    """Rows for which a value usually stays the same."""
+    changes = np.flatnonzero(np.diff(values, prepend=np.nan) != 0.0)
+    return max(1, round(float(np.median(np.diff(changes, append=len(values))))))
 
 
 def _quantum(values: Array) -> float:
@@ -211,7 +229,7 @@ def velocities(rows: Rows) -> None:
         wrong = next((name for name, factor in _MISTAKES.items() if abs(ratio / factor - 1.0) < _SLOPE), "")
         if abs(fits) > 0.8 and wrong:
             message = f"positions change {ratio:.3g} times as fast as the velocity says: {wrong}"
-            raise rows.refuse("velocity", joint, 0, message)
+            raise rows.refuse("velocity", joint, _moves(velocity[:, joint]), message)
         lag = _lag(slope, speed, max(1, round(_LONGEST_LAG / usual)))
         if abs(lag) * usual >= _LAG:
             late.append(f"{rows.name('velocity', joint)} by {1e3 * lag * usual:.0f} ms")
@@ -220,7 +238,7 @@ def velocities(rows: Rows) -> None:
             if other is not None:
                 whose = rows.name("position", other)
                 message = f"expected the velocity of its joint, got that of {whose}: is the order of columns right?"
-                raise rows.refuse("velocity", joint, 0, message)
+                raise rows.refuse("velocity", joint, _moves(velocity[:, joint]), message)
             doubtful.append(rows.name("velocity", joint))
     if late:
         names = ", ".join(late)
@@ -230,6 +248,11 @@ def velocities(rows: Rows) -> None:
         rows.told(f"velocities do not follow the positions ({names}): positions are differentiated instead", True)
     if late or doubtful:
         del rows.arrays["velocity"]
+
+
+def _moves(velocity: Array) -> int:
+    """The first row in which a joint moves as it usually does."""
+    return int(np.argmax(np.abs(velocity) >= np.sqrt(np.mean(velocity**2))))
 
 
 def _alike(one: Array, other: Array) -> float:
@@ -244,6 +267,70 @@ def _lag(slope: Array, speed: Array, longest: int) -> int:
     fits = [_alike(slope[: len(slope) - k], speed[k:]) if k >= 0 else _alike(slope[-k:], speed[:k]) for k in shifts]
     best = int(np.argmax(fits))
     return shifts[best] if fits[best] > _SAME and 1.0 - fits[best] < 0.5 * (1.0 - fits[longest]) else 0
+
+
+def motors(rows: Rows) -> None:
+    """Encoders at the motors whose gear nobody told: each motor has to turn as far as its joint."""
+    if "motor" not in rows.arrays:
+        return
+    pairs = zip(rows.arrays["position"].T, rows.arrays["motor"].T, strict=True)
+    for joint, (position, motor) in enumerate(pairs):
+        ratio = float(np.polyfit(position, motor, 1)[0]) if np.ptp(position) else 1.0
+        if abs(ratio - 1.0) > _GEARED:
+            said = f"it turns {ratio:.4g} times as far as the joint"
+            raise rows.refuse("motor", joint, 0, f"{said}: expected its gear, with its sign, in a map of columns")
+
+
+def held(rows: Rows) -> None:
+    """Values that were logged again until new ones came: they are drawn through, joint by joint.
+
+    A bus gives each joint's values in its own message, so that other joints may be new in the same row. Positions
+    alone tell nothing: a coarse encoder repeats itself where the joint is slow.
+    """
+    if "effort" not in rows.arrays or len(rows.row) < 2:
+        return
+    steps = np.diff(rows.arrays["t"], prepend=rows.arrays["t"][0])
+    usual = float(np.median(steps[1:]))
+    breaks = (np.diff(rows.arrays["episode"], prepend=np.nan) != 0.0) | (steps > GAP * usual)
+    when = np.cumsum(np.maximum(steps, 1e-9))
+    names = [name for name in ("position", "velocity", "effort") if name in rows.arrays]
+    told: dict[int, list[str]] = {}
+    repeats = np.zeros(len(steps), dtype=bool)
+    for joint in range(rows.arrays["position"].shape[1]):
+        frames = np.stack([rows.arrays[name][:, joint] for name in names], axis=1)
+        starts, every = _renewed(frames, breaks, usual)
+        if every < 2:
+            continue
+        told.setdefault(every, []).append(rows.name("position", joint))
+        repeats |= ~np.isin(np.arange(len(steps)), starts)
+        knots = _knots(starts, breaks, every, usual)
+        for name in names:
+            column = rows.arrays[name][:, joint]
+            rows.arrays[name][:, joint] = np.interp(when, when[knots], column[knots])
+    for every, columns in told.items():
+        what = f"values come every {every} rows, {1.0 / (every * usual):.3g} times a second, and repeat until then"
+        rows.told(f"{what} ({', '.join(columns)}): they are drawn through", True, repeats)
+
+
+def _renewed(frames: Array, breaks: NDArray[np.bool_], usual: float) -> tuple[NDArray[np.intp], int]:
+    """First row of each new value of a joint, and rows from one to the next while it moves; 1 where all are new."""
+    new = breaks | (np.diff(frames, axis=0, prepend=np.nan) != 0.0).any(axis=1)
+    starts = np.flatnonzero(new)
+    lengths = np.diff(np.append(starts, len(frames)))
+    moves = np.diff(frames[starts, 0], append=np.nan) != 0.0
+    moves &= lengths * usual < _FROZEN
+    if not moves.any() or 1.0 - moves.sum() / lengths[moves].sum() < _HELD:
+        return starts, 1
+    return starts, max(2, round(float(np.median(lengths[moves]))))
+
+
+def _knots(starts: NDArray[np.intp], breaks: NDArray[np.bool_], every: int, usual: float) -> NDArray[np.intp]:
+    """Rows between which is drawn: new values, the end of rests, and the ends of stretches."""
+    ends = np.append(starts[1:], len(breaks))
+    rests = ends[(ends - starts) * usual >= _FROZEN] - every
+    last = np.append(np.flatnonzero(breaks)[1:], len(breaks)) - 1
+    found: NDArray[np.intp] = np.unique(np.concatenate([starts, rests, last]))
+    return found
 
 
 def limits(rows: Rows, arm: Arm | None) -> None:

@@ -50,6 +50,7 @@ def columns_of(measurement: Measurement, unit: str) -> dict[str, Array]:
         kind: (measurement.effort, effort_unit),
         "command": (None if measurement.command is None else measurement.command * factor, unit),
         "temperature": (measurement.temperature, "C"),
+        "motor": (None if measurement.motor is None else measurement.motor * factor, unit),
     }
     found = {TIME: measurement.t}
     for name, (values, written) in quantities.items():

@@ -1,4 +1,6 @@
-"""Real logs: identification against ordinary least squares on the same files, on motion that neither was fitted to.
+"""Real logs: identification against others on the same files, on motion that none was fitted to.
+
+The others are ordinary least squares and, where they are installed, figaroh and mujoco.sysid.
 
 A folder holds logs, a description of the arm, and `benchmark.toml`, which says what is trained on and what is tested:
 
@@ -26,16 +28,19 @@ import tyro
 from dtwin.arm.chain import Arm, Array
 from dtwin.arm.urdf import read_urdf
 from dtwin.campaign.spread import Progress
-from dtwin.errors import IdentificationError, RecordingError
+from dtwin.emulation.peer import is_installed
+from dtwin.errors import DtwinError, IdentificationError, RecordingError
 from dtwin.files import reason_of
 from dtwin.identification.chain.baseline import Baseline, Regressor
 from dtwin.identification.chain.design import Filtering
-from dtwin.identification.chain.identify import Sample, Settings, identify, unexplained
+from dtwin.identification.chain.identify import Identification, Sample, Settings, identify, unexplained
 from dtwin.measurements.columns import read_map
 from dtwin.measurements.measurement import Measurement
 from dtwin.measurements.reading import read_measurement
 from evidence.experiment import ExperimentCommand
 from evidence.logs.figaroh import ABSENT, Figaroh
+from evidence.logs.sysid import ABSENT as NO_SYSID
+from evidence.logs.sysid import Sysid
 from evidence.report import Report, page, table
 
 FILE: Final = "benchmark.toml"
@@ -63,16 +68,19 @@ class Tested(msgspec.Struct, frozen=True):
         ours: unexplained share of the torque, joint by joint.
         theirs: that of ordinary least squares.
         figaroh: that of figaroh; empty where it is not installed.
+        sysid: that of mujoco.sysid; empty where it is not installed.
     """
 
     file: str
     ours: tuple[float, ...]
     theirs: tuple[float, ...]
     figaroh: tuple[float, ...] = ()
+    sysid: tuple[float, ...] = ()
 
     def joints(self) -> list[tuple[float, ...]]:
         """The shares of all who were asked, joint by joint."""
-        return list(zip(*(shares for shares in (self.ours, self.theirs, self.figaroh) if shares), strict=True))
+        asked = (self.ours, self.theirs, self.figaroh, self.sysid)
+        return list(zip(*(shares for shares in asked if shares), strict=True))
 
 
 class Load(msgspec.Struct, frozen=True):
@@ -95,6 +103,7 @@ class Benchmark(msgspec.Struct, frozen=True):
         groups: friction terms that proved themselves on the training files.
         fit_seconds: time that identification and least squares took.
         figaroh: its version where it was asked, or why not.
+        sysid: mujoco.sysid and the time that it took where it was asked, or why not.
     """
 
     source: str
@@ -104,6 +113,7 @@ class Benchmark(msgspec.Struct, frozen=True):
     groups: tuple[str, ...]
     fit_seconds: tuple[float, float]
     figaroh: str = ABSENT
+    sysid: str = NO_SYSID
 
     @property
     def ratios(self) -> Array:
@@ -156,14 +166,18 @@ def real_experiment(folder: Path, progress: Progress) -> Benchmark:
     baseline = Baseline(arm, empty, found.found.gain, Filtering(), of)
     theirs = time.perf_counter() - began
     peer, said = _figaroh(folder / plan.arm, arm, empty, found.found.gain)
+    simulating, by_simulation = _sysid(arm, empty, found)
     tested = []
     for name in plan.test:
-        shares = [unexplained(*each.predicted(logs[name])) for each in (found, baseline, peer) if each is not None]
-        tested.append(Tested(name, *(tuple(share.tolist()) for share in shares)))
+        everybody = (found, baseline, peer, simulating)
+        shares = [() if who is None else unexplained(*who.predicted(logs[name])).tolist() for who in everybody]
+        tested.append(Tested(name, *(tuple(share) for share in shares)))
     if not tested:
         raise IdentificationError(f"{folder / FILE}: expected at least one file to test")
     loads = [Load(n, found.load(n)[0], _NINETY_FIVE * found.load(n)[1], _true(plan, n)) for n in plan.load]
-    return Benchmark(plan.source, whose, tuple(tested), tuple(loads), found.groups, (ours, theirs), said)
+    return Benchmark(
+        plan.source, whose, tuple(tested), tuple(loads), found.groups, (ours, theirs), said, by_simulation
+    )
 
 
 def _figaroh(urdf: Path, arm: Arm, logs: Sequence[Measurement], gain: Array) -> tuple[Figaroh | None, str]:
@@ -173,6 +187,17 @@ def _figaroh(urdf: Path, arm: Arm, logs: Sequence[Measurement], gain: Array) -> 
     except ImportError as error:
         return None, str(error) if "joints" in str(error) else ABSENT
     return peer, peer.name
+
+
+def _sysid(arm: Arm, logs: Sequence[Measurement], found: Identification) -> tuple[Sysid | None, str]:
+    """mujoco.sysid's fit and its name with its time; why there is none."""
+    if not is_installed():
+        return None, NO_SYSID
+    try:
+        peer = Sysid(arm, logs, found.found.gain, found.design.scales, found.design.filtering)
+    except DtwinError as error:
+        return None, str(error)
+    return peer, f"mujoco.sysid, which took {peer.seconds:.1f} s"
 
 
 def _true(plan: Plan, name: str) -> float | None:
@@ -212,7 +237,10 @@ def real_report(result: Benchmark) -> Report:
     overall = float(np.exp(np.mean(np.log(result.ratios))))
     ours, theirs = result.fit_seconds
     friction = ", ".join(result.groups) or "basic alone"
-    beside = " / figaroh" if result.tested[0].figaroh else ""
+    first = result.tested[0]
+    beside = "".join(
+        f" / {name}" for name, asked in (("figaroh", first.figaroh), ("mujoco.sysid", first.sysid)) if asked
+    )
     words = (
         f"{result.source or 'The logs have no source.'} Root mean square of the torque that is not explained, in "
         f"parts of its standard deviation, on files that were not fitted: ours / ordinary least squares on "
@@ -227,11 +255,15 @@ def real_report(result: Benchmark) -> Report:
 
 
 def _peer_words(result: Benchmark) -> str:
-    """What came of figaroh: our share over its, the geometric mean over files and joints, or why it was not asked."""
-    if not result.tested[0].figaroh:
-        return f"{result.figaroh}."
-    logs = [np.log(each.ours) - np.log(each.figaroh) for each in result.tested]
-    return f"Against {result.figaroh} the ratio is {float(np.exp(np.mean(logs))):.2f}."
+    """What came of the other programs: our share over theirs, the geometric mean, or why they were not asked."""
+    said = []
+    for name, shares in (
+        (result.figaroh, [each.figaroh for each in result.tested]),
+        (result.sysid, [each.sysid for each in result.tested]),
+    ):
+        logs = [np.log(each.ours) - np.log(other) for each, other in zip(result.tested, shares, strict=True) if other]
+        said.append(f"Against {name} the ratio is {float(np.exp(np.mean(logs))):.2f}." if logs else f"{name}.")
+    return " ".join(said)
 
 
 def _known(mass: float | None) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import msgspec
@@ -12,14 +12,14 @@ import numpy as np
 
 from dtwin.arm.chain import INERTIAL
 from dtwin.campaign.spread import Progress, Workforce, spread
-from dtwin.emulation.chain.peer import fit_chain
 from dtwin.emulation.peer import is_installed
 from dtwin.errors import ParameterError
 from dtwin.identification.chain.baseline import Baseline
-from dtwin.identification.chain.design import Filtering, rigid_of, rows_of, smooth
+from dtwin.identification.chain.design import Filtering
 from dtwin.identification.chain.identify import Identification, Sample, Settings, identify, unexplained
 from dtwin.identification.chain.result import numbers
 from dtwin.measurements.measurement import Measurement
+from evidence.logs.sysid import Sysid
 from evidence.synthetic.machines import Drawn, drawn_machine, log_of
 
 JOINTS: Final = (6, 7)
@@ -28,7 +28,7 @@ COVERED: Final = (0.90, 0.98)
 AHEAD: Final = 0.9
 """Least share of the machines on which the error on other motion shall be less than the others'."""
 FASTER: Final = 10.0
-"""How many times faster than mujoco.sysid the identification shall be."""
+"""How many times faster than mujoco.sysid the identification of the same motion shall be."""
 PEER_SECONDS: Final = 10.0
 """Length of the motion that mujoco.sysid is given, s; all of it would take hours."""
 
@@ -63,6 +63,7 @@ class Known(msgspec.Struct, frozen=True):
         seconds: time that identification and least squares took, s.
         peer: share that mujoco.sysid leaves unexplained, joint by joint; empty where it was not asked.
         peer_seconds: time that it took, s.
+        same_seconds: time that identification took for the motion that mujoco.sysid was given, s.
     """
 
     number: int
@@ -74,6 +75,7 @@ class Known(msgspec.Struct, frozen=True):
     seconds: tuple[float, float]
     peer: tuple[float, ...] = ()
     peer_seconds: float = 0.0
+    same_seconds: float = 0.0
 
     @property
     def ratio(self) -> float:
@@ -130,30 +132,26 @@ def meet(task: Task) -> Known:
     truth = dict(truth_of(machine, found))
     away = {row.name: float((row.value - truth[row.name]) / row.half) for row in numbers(found) if row.told}
     ours, theirs = unexplained(*found.predicted(other)), unexplained(*baseline.predicted(other))
-    peer, peer_seconds = _peer(machine, found, empty, other) if task.peer else ((), 0.0)
+    peer, peers, same = _peer(machine, found, empty, other) if task.peer else ((), 0.0, 0.0)
     shares = tuple(ours.tolist()), tuple(theirs.tolist())
-    return Known(task.number, task.joints, found.groups, away, *shares, (took, least), peer, peer_seconds)
+    return Known(task.number, task.joints, found.groups, away, *shares, (took, least), peer, peers, same)
 
 
 def _peer(
     machine: Drawn, found: Identification, empty: Measurement, other: Measurement
-) -> tuple[tuple[float, ...], float]:
-    """What mujoco.sysid leaves of the torque of another motion, and its time; it is told the drives' constants."""
-    stretch = smooth(empty, Filtering())[0]
-    rows = slice(round(PEER_SECONDS / stretch.dt))
-    fit = fit_chain(
-        machine.sheet, stretch.dt, stretch.q[rows], stretch.v[rows], (stretch.effort * machine.gain)[rows]
-    )
-    tested, scales = smooth(other, Filtering())[0], found.design.scales
-    rigid = rigid_of(machine.sheet, tested, scales, Filtering())
-    made, terms = rows_of(rigid, tested, scales, Filtering(), "other")
-    torque = made.rigid @ fit.parameters
-    for joint, mine in enumerate(made.terms):
-        names = terms[joint].names
-        for name, value in (("rotor", fit.rotor), ("viscous", fit.viscous), ("coulomb", fit.coulomb)):
-            torque[:, joint] += value[joint] * mine[:, names.index(name)]
-    share = unexplained(made.effort * machine.gain, torque)
-    return tuple(share.tolist()), fit.seconds
+) -> tuple[tuple[float, ...], float, float]:
+    """What mujoco.sysid leaves of the torque of another motion, its time, and ours for the same motion.
+
+    Both are told the drives' constants, as torques of a motion with an empty hand.
+    """
+    given = empty.rows(slice(round(PEER_SECONDS / empty.step)))
+    assert given.effort is not None  # drawn machines log currents
+    torque = replace(given, effort=given.effort * machine.gain, kind="torque")
+    began = time.perf_counter()
+    identify(machine.sheet, [Sample(torque)])
+    same = time.perf_counter() - began
+    peer = Sysid(machine.sheet, [given], machine.gain, found.design.scales, Filtering())
+    return tuple(unexplained(*peer.predicted(other)).tolist()), peer.seconds, same
 
 
 def truth_of(machine: Drawn, found: Identification) -> Iterator[tuple[str, float]]:
@@ -191,8 +189,11 @@ def ahead(found: Sequence[Known]) -> float:
 
 
 def faster(found: Sequence[Known]) -> float:
-    """How many times faster than mujoco.sysid we were, the least of the machines; infinite where it was not asked."""
-    return min((one.peer_seconds / one.seconds[0] for one in found if one.peer), default=float("inf"))
+    """How many times faster than mujoco.sysid we were with the same motion, the least of the machines.
+
+    Infinite where it was not asked.
+    """
+    return min((one.peer_seconds / one.same_seconds for one in found if one.peer), default=float("inf"))
 
 
 def kept(found: Sequence[Known]) -> bool:

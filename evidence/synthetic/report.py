@@ -39,7 +39,7 @@ def synthetic_report(found: Sequence[Known], seconds: float) -> Report:
             f"{_mean(one.theirs):.4f}",
             f"{_mean(one.peer):.4f}" if one.peer else "",
             f"{one.seconds[0]:.1f}",
-            f"{one.peer_seconds:.0f}" if one.peer else "",
+            f"{one.peer_seconds:.0f} / {one.same_seconds:.1f}" if one.peer else "",
         ]
         for one in found
     ]
@@ -58,13 +58,15 @@ def synthetic_report(found: Sequence[Known], seconds: float) -> Report:
         f"others' (asked: {AHEAD:.0%})."
     )
     if any(one.peer for one in found):
-        told += f" mujoco.sysid took at least {faster(found):.0f} times as long (asked: {FASTER:g})."
+        told += (
+            f" mujoco.sysid took at least {faster(found):.0f} times as long for the same motion (asked: {FASTER:g})."
+        )
     kinds = sorted({kind_of(name) for one in found for name in one.away})
     by_kind = [[kind, str(_count(found, kind)), f"{covered(found, kind):.1%}"] for kind in kinds]
     return page(
         "Drawn arms whose numbers are known",
         words,
-        table([*head, "time, s", "its time, s"], rows),
+        table([*head, "time, s", "its time / ours for the same motion, s"], rows),
         told,
         "## By sort of number",
         table(["sort", "intervals", "that hold the truth"], by_kind),

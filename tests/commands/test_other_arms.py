@@ -9,6 +9,7 @@ from dtwin.cli import main
 from tests.commands.test_cli import complain
 from tests.measurements.test_doors import lerobot
 from tests.support.chains import csv_of, drawn_arm, measured
+from tests.support.pages.blocks import blocks
 
 ARM = ["--arm", "drawn.urdf"]
 
@@ -111,3 +112,24 @@ def test_a_log_is_held_against_any_arm(tmp_path: Path, capsys: pytest.CaptureFix
     assert "elbow" in capsys.readouterr().out
     assert main(["log", "show", log, "--arm", "six-axis"]) == 2
     assert "expected 6 columns, one for each joint, got 2" in capsys.readouterr().err
+
+
+def test_the_readmes_commands_for_a_foreign_log_run_as_printed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """All after the installation, which needs an index: a page of what is in the data set, then its health."""
+    lines = [
+        line for block in blocks() if block.page == "README.md" and block.language == "sh" for line in block.lines
+    ]
+    first = next(k for k, line in enumerate(lines) if line.startswith("pip install"))
+    commands = [line.partition(" #")[0].split() for line in lines[first + 1 : first + 3]]
+    assert [words[:-1] for words in commands] == [["dtwin", "log", "show"], ["dtwin", "health"]]
+    lerobot(tmp_path / commands[0][-1])
+    monkeypatch.chdir(tmp_path)
+    said = []
+    for words in commands:
+        assert main(words[1:]) == 0
+        said.append(capsys.readouterr().out)
+    assert "2 episodes" in said[0]
+    assert "[command]" in said[0]
+    assert "without currents" in said[1]

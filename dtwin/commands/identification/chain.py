@@ -15,9 +15,11 @@ from dtwin.emulation.chain.overlay import write_mjcf
 from dtwin.errors import ParameterError
 from dtwin.files import ensure_writable
 from dtwin.identification.chain.delay import delays, said_of
+from dtwin.identification.chain.gears import gears
+from dtwin.identification.chain.gears import said_of as said_of_gears
 from dtwin.identification.chain.identify import Identification, Sample
 from dtwin.identification.chain.overlay import overlaid, write_arm, write_urdf
-from dtwin.identification.chain.result import as_object, numbers, write_toml
+from dtwin.identification.chain.result import as_object, doubts, numbers, write_toml
 from dtwin.measurements.columns import ColumnMap
 from dtwin.measurements.page import oddities
 from dtwin.measurements.reading import read_measurement
@@ -139,7 +141,9 @@ def report(found: Identification, samples: Sequence[Sample], json: bool) -> None
     odd = [f"{s.measurement.source}: {line}" for s in samples for line in oddities(s.measurement)]
     if json:
         late = {n.name: {"value": n.value, "half": n.half, "told": n.told} for n in delays(found)}
-        print_json({**as_object(found), "delays": late, "oddities": odd})
+        yielding = [row for gear in gears(found, samples).each for row in (gear.compliance, gear.play)]
+        sides = {n.name: {"value": n.value, "half": n.half, "told": n.told} for n in yielding}
+        print_json({**as_object(found), "delays": late, "gears": sides, "oddities": odd})
         return
     table = Table("", "value, SI units", "95 % interval")
     rows = list(numbers(found))
@@ -155,7 +159,11 @@ def report(found: Identification, samples: Sequence[Sample], json: bool) -> None
     if errors is not None:
         told = ", ".join(f"{100 * error:.1f} %" for error in errors)
         console.print(as_text(f"effort that is not explained on motion that was held out, by joint: {told}"))
+    for line in doubts(found):
+        console.print(as_text(line))
     if late_words := said_of(delays(found)):
         console.print(as_text(late_words))
+    for line in said_of_gears(gears(found, samples)):
+        console.print(as_text(line))
     silent = [row.name for row in rows if not row.told]
     console.print(as_text(f"not told by the data, as it was known: {', '.join(silent) or 'nothing'}"))

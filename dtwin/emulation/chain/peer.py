@@ -10,6 +10,7 @@ import contextlib
 import io
 import logging
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -46,18 +47,16 @@ class ChainPeerFit:
     seconds: float
 
 
-def fit_chain(arm: Arm, dt: float, q: Array, v: Array, torque: Array) -> ChainPeerFit:
+def fit_chain(arm: Arm, dt: float, motions: Sequence[tuple[Array, Array, Array]]) -> ChainPeerFit:
     """Identifies an arm by mujoco.sysid.
 
     Args:
         arm: the arm as it is known, where the search begins.
         dt: time from row to row, s.
-        q: positions, (N, n).
-        v: velocities, (N, n).
-        torque: torques of the drives, (N, n).
+        motions: positions, velocities and torques of the drives, (N, n) each, stretch by stretch.
 
     Raises:
-        DtwinError: mujoco.sysid cannot be imported.
+        DtwinError: mujoco.sysid cannot be imported, or its search ends with an error.
     """
     if not is_installed():
         raise DtwinError("mujoco.sysid lacks packages: pip install 'mujoco[sysid]'")
@@ -65,18 +64,21 @@ def fit_chain(arm: Arm, dt: float, q: Array, v: Array, torque: Array) -> ChainPe
 
     spec = _spec(arm, dt)
     model = spec.compile()
-    parameters = _parameters(arm, spec, model, np.abs(torque).max(axis=0))
+    parameters = _parameters(arm, spec, model, np.max([np.abs(motion[2]).max(axis=0) for motion in motions], axis=0))
     rows = round(_WINDOW / dt)
-    starts = range(0, len(q) - rows, rows)
     times = np.arange(rows) * dt
-    parts = [slice(start, start + rows) for start in starts]
+    parts = [
+        [column[start : start + rows] for column in motion]
+        for motion in motions
+        for start in range(0, len(motion[0]) - rows, rows)
+    ]
     sequences = sysid.ModelSequences(
         arm.name,
         spec,
         [f"window {k}" for k in range(len(parts))],
-        [sysid.create_initial_state(model, q[part][0], v[part][0]) for part in parts],
-        [sysid.TimeSeries(times, torque[part]) for part in parts],
-        [sysid.TimeSeries.from_names(times, np.hstack([q[part], v[part]]), model) for part in parts],
+        [sysid.create_initial_state(model, q[0], v[0]) for q, v, _ in parts],
+        [sysid.TimeSeries(times, torque) for _, _, torque in parts],
+        [sysid.TimeSeries.from_names(times, np.hstack([q, v]), model) for q, v, _ in parts],
     )
     residual = sysid.build_residual_fn(models_sequences=[sequences])
     level = logging.getLogger().level

@@ -19,7 +19,7 @@ from dtwin.identification.chain.fit import Fit, Prior
 from dtwin.identification.chain.identify import Identification
 from dtwin.identification.chain.intervals import convolved, correlation_of, longest_of
 from dtwin.identification.chain.moments import Layout, columns
-from dtwin.identification.chain.result import NINETY_FIVE, Number
+from dtwin.identification.chain.result import NINETY_FIVE, Number, moved
 
 _LEAST: Final = 1e-3
 """Least delay that is told, s: stamps are no better."""
@@ -33,7 +33,7 @@ def delays(found: Identification) -> list[Number]:
     numbers = []
     for joint, known in enumerate(found.arm.joints):
         value, deviation = _delay(found.design, layout, found.prior, fit, joint)
-        told = bool(abs(value) > max(_SURE * deviation, _LEAST))
+        told = bool(abs(value) > max(_SURE * deviation, _LEAST)) and moved(found, joint)
         numbers.append(Number(f"{known.name} delay", value, NINETY_FIVE * deviation, told))
     return numbers
 

@@ -49,6 +49,8 @@ class Smooth:
         effort: measured effort, (N, n), as logged.
         temperature: (N, n) or None.
         start: time of the first row in the log, s.
+        motor: positions on the motors' side, (N, n), or None.
+        command: commanded positions, (N, n), or None.
     """
 
     dt: float
@@ -58,6 +60,8 @@ class Smooth:
     effort: Array
     temperature: Array | None
     start: float = 0.0
+    motor: Array | None = None
+    command: Array | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -139,7 +143,8 @@ def _even(part: Measurement, dt: float, filtering: Filtering) -> Smooth:
     a = np.gradient(v, dt, axis=0)
     assert part.effort is not None
     warm = None if part.temperature is None else on_grid(part.temperature)
-    return Smooth(dt, q, v, a, on_grid(part.effort), warm, float(part.t[0]))
+    sides = [None if c is None else low_passed(on_grid(c), dt, corner, 2) for c in (part.motor, part.command)]
+    return Smooth(dt, q, v, a, on_grid(part.effort), warm, float(part.t[0]), *sides)
 
 
 def low_passed(columns: Array, dt: float, corner: float, order: int = 4) -> Array:

@@ -120,6 +120,10 @@ class Identification:
         deviations: Array = np.sqrt(np.diag(self.covariance)[-n:])
         return deviations
 
+    def carried(self, load: str = "") -> Array:
+        """Inertial parameters of the links, the last one with what it holds, (10 n,)."""
+        return _with_load(self.moments, self.found, load)
+
     def load(self, name: str) -> tuple[float, float]:
         """Mass of a load and its standard deviation, kg; drives that warm up from session to session are in it."""
         weights = np.zeros(self.moments.layout.size)

@@ -24,6 +24,7 @@ from dtwin.errors import ModelError
 from dtwin.files import replacing
 from dtwin.identification.chain.friction import sliding
 from dtwin.identification.chain.identify import Identification
+from dtwin.identification.chain.result import moved
 
 _SPEEDS: Final = np.linspace(0.25, 1.5, 26)
 """Speeds at which friction is told, in parts of the joint's usual one."""
@@ -32,7 +33,8 @@ _SPEEDS: Final = np.linspace(0.25, 1.5, 26)
 def overlaid(found: Identification) -> Arm:
     """The arm with all that was found: bodies, and friction, rotor and constant of every joint.
 
-    A rotor that did not prove itself is left as it was known, and so is the constant where torques were logged.
+    A rotor that did not prove itself is left as it was known, and so are friction and rotor of a joint that stood,
+    and the constant where torques were logged.
     """
     joints = tuple(_joint(found, number) for number in range(len(found.arm)))
     return replace(found.arm, joints=joints)
@@ -42,16 +44,18 @@ def _joint(found: Identification, number: int) -> Joint:
     joint, names = found.arm.joints[number], found.design.names[number]
     place = found.moments.layout.friction(number)
     values = dict(zip(names, found.found.unknowns[place].tolist(), strict=True))
+    slides = moved(found, number)
     viscous, coulomb = _plain(found, number)
     by_load = sum(value for name, value in values.items() if name.startswith("load"))
     actuator = joint.actuator
-    if found.found.used[place.start + names.index("rotor")]:
+    if slides and found.found.used[place.start + names.index("rotor")]:
         actuator = replace(actuator, rotor=max(values["rotor"], 0.0))
     if found.design.kind != "torque":
         limit = actuator.limit if actuator.commanded == found.design.kind else np.inf
         gain = float(found.found.gain[number])
         actuator = replace(actuator, commanded=found.design.kind, constant=gain, limit=limit)
-    return replace(joint, actuator=actuator, friction=Friction(viscous, coulomb, max(by_load, 0.0)))
+    friction = Friction(viscous, coulomb, max(by_load, 0.0)) if slides else joint.friction
+    return replace(joint, actuator=actuator, friction=friction)
 
 
 def _plain(found: Identification, number: int) -> tuple[float, float]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -20,6 +20,14 @@ NINETY_FIVE: Final = 1.96
 """Half width of a 95 % interval in standard deviations."""
 _TOLD: Final = 0.5
 """Part of the prior's deviation that is left where the data tell a number."""
+_SLID: Final = 1.0
+"""Time for which a joint has to slide in a direction so that its friction there is told, s."""
+_SO_FAST: Final = 0.5
+"""Part of a speed from which on a joint slides as fast as that."""
+_STEPS: Final = 1e-3
+"""Standard deviation of a position that steps of its encoder make, rad or m."""
+_UNEXPLAINED: Final = 0.7
+"""Part of the effort from which on what is left unexplained of held-out motion says that the model tells nothing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,11 +47,29 @@ class Number:
     told: bool
 
 
+def slid(found: Identification, joint: int, speed: float) -> float:
+    """How long a joint slid in the direction of a speed and about as fast, s; 0 where it read an encoder's steps."""
+    scale, place = found.design.scales[joint], found.design.names[joint].index("viscous")
+    if scale.travel <= _STEPS:
+        return 0.0
+    least, sign = _SO_FAST * abs(speed), np.sign(speed)
+    return sum(
+        float(rows.dt * np.count_nonzero(sign * rows.terms[joint][:, place] > least)) for rows in found.design.rows
+    )
+
+
+def moved(found: Identification, joint: int) -> bool:
+    """Whether a joint slid for long enough, in any direction, to tell anything of it alone."""
+    usual = found.design.scales[joint].speed
+    return max(slid(found, joint, sign * 0.1 * usual) for sign in (1.0, -1.0)) >= _SLID
+
+
 def numbers(found: Identification) -> Iterator[Number]:
     """All numbers: gains, friction joint by joint, then bodies, then loads.
 
     Friction is told as its sum, sliding steadily at the joint's usual speed and at a tenth of it in both directions:
-    its terms are alike, and apart they say little.
+    its terms are alike, and apart they say little. It counts as told only where the joint slid so for a second, and
+    where its interval is narrower than the joint's usual effort.
     """
     layout, prior = found.moments.layout, found.prior
     for joint, deviation in enumerate(found.gain_deviations()):
@@ -66,13 +92,37 @@ def _friction(found: Identification, joint: int) -> Iterator[Number]:
     name, names, scale = found.arm.joints[joint].name, found.design.names[joint], found.design.scales[joint]
     place = found.moments.layout.friction(joint)
     used = found.found.used[place]
+    largest = float(np.sqrt(np.mean(np.concatenate([rows.effort[:, joint] for rows in found.design.rows]) ** 2)))
+    largest *= float(found.found.gain[joint])
     for speed in (0.1 * scale.speed, -0.1 * scale.speed, scale.speed, -scale.speed):
-        yield _sum(found, f"{name} friction at {speed:+.3g}", place, sliding(names, scale, speed) * used)
+        one = _sum(found, f"{name} friction at {speed:+.3g}", place, sliding(names, scale, speed) * used)
+        yield replace(one, told=one.told and one.half < largest and slid(found, joint, speed) >= _SLID)
+    rests = not moved(found, joint)
     by_load = np.array([term.startswith("load") for term in names]) * used
     if by_load.any():
-        yield _sum(found, f"{name} friction by load", place, by_load.astype(float))
+        one = _sum(found, f"{name} friction by load", place, by_load.astype(float))
+        yield replace(one, told=one.told and not rests)
     if used[names.index("rotor")]:
-        yield _single(found, f"{name} rotor", place.start + names.index("rotor"))
+        one = _single(found, f"{name} rotor", place.start + names.index("rotor"))
+        yield replace(one, told=one.told and not rests)
+
+
+def doubts(found: Identification) -> list[str]:
+    """Sentences about what the numbers do not bear: joints that stood, and efforts that nothing explains."""
+    said = []
+    stood = [joint.name for k, joint in enumerate(found.arm.joints) if not moved(found, k)]
+    if stood:
+        said.append(f"hardly moved, so that nothing is told of their friction, rotors and gears: {', '.join(stood)}")
+    dark = [joint.name for k, joint in enumerate(found.arm.joints) if unclear(found, k)]
+    if dark:
+        said.append(f"more than {_UNEXPLAINED:.0%} of the effort is not explained by anything: {', '.join(dark)}")
+    return said
+
+
+def unclear(found: Identification, joint: int) -> bool:
+    """Whether the model explains next to nothing of a joint's effort on motion that was held out."""
+    errors = found.held_out.get(found.groups)
+    return errors is not None and float(errors[joint]) > _UNEXPLAINED
 
 
 def _sum(found: Identification, name: str, place: slice, weights: Array) -> Number:
@@ -98,6 +148,7 @@ def as_object(found: Identification) -> dict[str, Any]:
         "friction": ["basic", *found.groups],
         "held_out": {} if held_out is None else dict(zip(_names(found), held_out.tolist(), strict=True)),
         "numbers": {row.name: {"value": float(row.value), "half": float(row.half), "told": row.told} for row in rows},
+        "doubts": doubts(found),
         "not_told": [row.name for row in rows if not row.told],
     }
 

@@ -1,0 +1,54 @@
+"""mujoco.sysid beside the identification: fitted where it is installed, and told where it is not."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dtwin.emulation import peer
+from dtwin.errors import DtwinError
+from dtwin.identification.chain.identify import Identification, Sample, Settings, identify, unexplained
+from evidence.logs import real
+from evidence.logs.sysid import ABSENT, Sysid
+from tests.support.chains import drawn_arm, measured
+
+needs_peer = pytest.mark.skipif(not peer.is_installed(), reason="pip install 'mujoco[sysid]' to run this")
+
+
+def found_of(folder: Path) -> Identification:
+    arm = drawn_arm(folder, 2, 11)
+    return identify(arm, [Sample(measured(arm, 12.0, 1))], Settings(groups=()))
+
+
+@needs_peer
+def test_it_explains_what_it_has_words_for(tmp_path: Path) -> None:
+    found, arm = found_of(tmp_path), drawn_arm(tmp_path, 2, 11)
+    peer_of = Sysid(arm, [measured(arm, 12.0, 1)], np.ones(2), found.design.scales, found.design.filtering)
+    assert peer_of.seconds > 0.0
+    assert (unexplained(*peer_of.predicted(measured(arm, 12.0, 7))) < 0.7).all()
+
+
+def test_a_benchmark_without_it_says_how_to_get_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("evidence.logs.real.is_installed", lambda: False)
+    found = found_of(tmp_path)
+    assert real._sysid(found.arm, [], found) == (None, ABSENT)
+    assert "pip install 'mujoco[sysid]'" in ABSENT
+
+
+def test_what_ends_with_an_error_is_told_and_ends_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*words: object) -> None:
+        raise DtwinError("mujoco.sysid: it ended")
+
+    monkeypatch.setattr("evidence.logs.real.is_installed", lambda: True)
+    monkeypatch.setattr("evidence.logs.sysid.fit_chain", broken)
+    found = found_of(tmp_path)
+    assert real._sysid(found.arm, [measured(found.arm, 12.0, 1)], found) == (None, "mujoco.sysid: it ended")
+
+
+def test_shares_of_all_four_stand_side_by_side() -> None:
+    tested = real.Tested("a", (0.1,), (0.2,), (), (0.4,))
+    assert tested.joints() == [(0.1, 0.2, 0.4)]
+    result = real.Benchmark("", "", (tested,), (), (), (1.0, 1.0), "no figaroh", "mujoco.sysid, which took 3.0 s")
+    text = real.real_report(result).text
+    assert "Against mujoco.sysid, which took 3.0 s the ratio is 0.25" in text
+    assert "no figaroh." in text
