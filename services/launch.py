@@ -342,19 +342,19 @@ def launched(options: CellOptions) -> Iterator[Launched]:
         ports = free_ports()
         supervisor = Supervisor(bus, options.programs(meet, file.path, ports, console), key)
         zenoh = None if options.zenoh is None else str(options.zenoh.resolve())
-        page = ports.page_url if options.viewer == "web" else ""
         up = runfile.Up(
             os.getpid(),
             options.key,
             meet,
             zenoh,
             options.management(file.path),
-            page=page,
+            page=ports.page_url if options.viewer == "web" else "",
             console=f"http://{LOOPBACK}:{console}/" if options.console else "",
             warning=warning,
             history=str(options.history.resolve()),
             store=str(options.store.resolve()),
             cell_file=options.cell_file or "",
+            other=options.other is not None,
         )
         file.write(up)
         stop = threading.Event()

@@ -42,7 +42,7 @@ class Up(msgspec.Struct, frozen=True):
     """A cell that is up: its supervisor's process, how to join its bus, where its controller is managed, whether all
     services were ready, the page that shows it, if any, the page of its operators, if any, what its user was warned
     of, if anything, the files of its settings' history and of its identified models, the file of the cell, if one was
-    given, and how far the services are that are not ready."""
+    given, how far the services are that are not ready, and whether its arm is another one than the thesis's."""
 
     pid: int
     arm: str
@@ -57,6 +57,7 @@ class Up(msgspec.Struct, frozen=True):
     store: str = ""
     cell_file: str = ""
     progress: str = ""
+    other: bool = False
 
 
 def folder() -> Path:
@@ -169,6 +170,12 @@ def _lock(file: IO[str]) -> bool:
     except BlockingIOError:
         return False
     return True
+
+
+def has_other_arm(cell: str, zenoh: Path | None) -> bool:
+    """Whether a cell has another arm than the thesis's; one on another machine, of a configuration file, has not."""
+    up = find(cell) if zenoh is None else None
+    return up is not None and up.other
 
 
 def kept(cell: str, what: Literal["history", "store"], otherwise: Path) -> Path:

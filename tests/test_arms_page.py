@@ -50,6 +50,7 @@ def walked(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
                 short = re.sub(r"--duration \d+(?!.*--fault)", "--duration 10", text)
                 for line in short.replace("excite mine.toml", "excite mine.toml --candidates 2").splitlines():
                     program, *words = shlex.split(line, comments=True)
+                    patch.setattr(sys, "argv", ["dtwin", *words])  # of which a cell in the background is made
                     found = int(words[0] == "monitor")
                     assert (program, status(words)) == ("scripts/dtwin", found), line
     assert not any(waiting.values())

@@ -107,6 +107,16 @@ def path_of(text: str) -> Path:
     return FOLDER / f"{text}{SUFFIX}"
 
 
+def file_of(text: str) -> ArmFile:
+    """What the file says that a name or a path stands for; a model alone says nothing beside itself.
+
+    Raises:
+        ModelError: there is no such arm, or the file cannot be read.
+    """
+    path = path_of(text)
+    return read_file(path) if path.suffix.lower() == SUFFIX else ArmFile(path, path)
+
+
 MODELS: Final = (".xml", ".urdf", ".mjcf")
 """Endings of the names of model files."""
 

@@ -10,7 +10,7 @@ from typing import Annotated, Final, Literal, NamedTuple
 
 import msgspec
 
-from dtwin.bus.chain.messages import JointAdjustment, JointCommands, JointSensors, JointTicks
+from dtwin.bus.chain import messages as joints
 from dtwin.bus.controller.messages import IdentificationSignal, SettingsInForce, SettingsRequest, SignalRequest
 from dtwin.bus.line.messages import FlowEffect, LineState, SetUpDone, SetUpQuestion, SetUpRequest, StationWord
 from dtwin.bus.proposals.messages import (
@@ -21,6 +21,7 @@ from dtwin.bus.proposals.messages import (
     Proposal,
     ProposalDecision,
     ProposalRequest,
+    RecoveryLook,
 )
 from dtwin.bus.twin_messages import (
     AcknowledgeRequest,
@@ -315,17 +316,18 @@ VOLTAGES: Final = Topic("voltages", "publication", Voltages, None, "bridge", urg
 ACTED: Final = Topic("acted", "publication", Acted, None, "emulator", urgent=True)
 TRUTH: Final = Topic("truth", "publication", Truth, None, "emulator", urgent=True)
 TICKS: Final = Topic("ticks", "publication", PassedTicks, None, "emulator")
-JOINT_SENSORS: Final = Topic("joints/sensors", "publication", JointSensors, None, "emulator", urgent=True)
-JOINT_COMMANDS: Final = Topic("joints/commands", "publication", JointCommands, None, "bridge", urgent=True)
-JOINT_TICKS: Final = Topic("joints/ticks", "publication", JointTicks, None, "emulator")
-ADJUSTED: Final = Topic("joints/adjustment", "publication", JointAdjustment, None, "bridge")
+JOINT_SENSORS: Final = Topic("joints/sensors", "publication", joints.JointSensors, None, "emulator", urgent=True)
+JOINT_COMMANDS: Final = Topic("joints/commands", "publication", joints.JointCommands, None, "bridge", urgent=True)
+JOINT_TICKS: Final = Topic("joints/ticks", "publication", joints.JointTicks, None, "emulator")
+ADJUSTED: Final = Topic("joints/adjustment", "publication", joints.JointAdjustment, None, "bridge")
 EVENTS: Final = Topic("events", "publication", Event, None, "any service")
 STATUS: Final = Topic("status/*", "publication", Status, None, "every service")
 ALIVE: Final = Topic("alive/*", "token", None, None, "every service")
 PATH: Final = Topic("path", "publication", Path, None, "bridge", urgent=True)
 SETTINGS: Final = Topic("controller/settings", "query", SettingsRequest, SettingsInForce, "bridge")
 SIGNAL: Final = Topic("controller/signal", "query", SignalRequest, IdentificationSignal, "bridge")
-ADJUSTMENT: Final = Topic("controller/adjustment", "query", JointAdjustment, JointAdjustment, "bridge")
+ADJUSTMENT: Final = Topic("controller/adjustment", "query", joints.JointAdjustment, joints.JointAdjustment, "bridge")
+MODEL: Final = Topic("controller/model", "query", joints.JointModel, joints.JointModel, "bridge")
 STOP: Final = Topic("controller/stop", "query", StopRequest, StopState, "bridge")
 RELEASE: Final = Topic("controller/release", "query", ReleaseRequest, StopState, "bridge")
 DESK: Final = Topic("controller/desk", "query", DeskRequest, DeskState, "bridge")
@@ -353,6 +355,12 @@ DECIDE: Final = Topic(
     patience=CHECKED,
 )
 UPLOAD: Final = Topic("twin/simulation/upload", "query", UploadRequest, Upload, "simulation", patience=CHECKED)
+ARM_UPLOAD: Final = Topic(
+    "twin/simulation/arm", "query", joints.JointUploadRequest, joints.JointUpload, "simulation", patience=CHECKED
+)
+ARM_ROLL_BACK: Final = Topic(
+    "twin/simulation/arm-rollback", "query", RollBackRequest, joints.JointUpload, "simulation"
+)
 PREDICT: Final = Topic(
     "twin/simulation/predict", "query", PredictionRequest, Predicted, "simulation", patience=CHECKED
 )
@@ -361,6 +369,8 @@ LOOK: Final = Topic("twin/simulation/look", "query", LookRequest, Look, "simulat
 PROPOSE: Final = Topic("twin/simulation/propose", "query", ProposalRequest, Proposal, "simulation", patience=CHECKED)
 DECIDE_PROPOSAL: Final = Topic("twin/simulation/decide", "query", ProposalDecision, Proposal, "simulation")
 ANSWER: Final = Topic("twin/recovery/answer", "query", AnswerRequest, Done, "recovery")
+RECOVERY_LOOK: Final = Topic("twin/recovery/look", "query", LookRequest, RecoveryLook, "recovery")
+RECOVERY_DECIDE: Final = Topic("twin/recovery/decide", "query", ProposalDecision, Proposal, "recovery")
 MONITORING: Final = Topic("twin/monitoring/verdict", "publication", MonitoringVerdict, None, "monitoring")
 ACKNOWLEDGE: Final = Topic(
     "twin/monitoring/acknowledge", "query", AcknowledgeRequest, MonitoringVerdict, "monitoring"
@@ -378,9 +388,10 @@ LINE_RELEASE: Final = Topic("twin/overall/release", "query", StationWord, LineSt
 TOPICS: Final = (
     *(SENSORS, VOLTAGES, ACTED, PATH, TRUTH, TICKS),
     *(JOINT_SENSORS, JOINT_COMMANDS, JOINT_TICKS, ADJUSTED, EVENTS, STATUS, ALIVE),
-    *(SETTINGS, SIGNAL, ADJUSTMENT, STOP, RELEASE, DESK),
+    *(SETTINGS, SIGNAL, ADJUSTMENT, MODEL, STOP, RELEASE, DESK),
     *(FAULT, RESET, LATCH, SAMPLE_BACKLOG, ANSWER_BACKLOG, SUMMARY),
     *(IDENTIFICATION, IDENTIFY, DECIDE, UPLOAD, PREDICT, ROLL_BACK, LOOK, PROPOSE, DECIDE_PROPOSAL, ANSWER),
+    *(ARM_UPLOAD, ARM_ROLL_BACK, RECOVERY_LOOK, RECOVERY_DECIDE),
     *(MONITORING, RESIDUALS, ACKNOWLEDGE, WATCH),
     *(LINE_STATE, LINE_PREDICT, LINE_LOOK, LINE_PROPOSE, LINE_DECIDE, SET_UP, LINE_STOP, LINE_RELEASE),
 )

@@ -90,7 +90,7 @@ class IdentificationState(msgspec.Struct, frozen=True, tag_field="schema", tag=S
     residual_white: bool = False
     rank: Count = 0
     parameters: dict[Word, Estimated] = {}
-    fit: Triple | None = None
+    fit: tuple[float, ...] | None = None
     model_file: Line = ""
     doubts: Line = ""
 

@@ -46,9 +46,7 @@ GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
             "blocks.device", "FbRun", "serve function blocks as a device that management can build on"
         ),
         "fb deploy": Subcommand("blocks.library", "FbDeploy", "build a system on a device"),
-        "fb diff": Subcommand(
-            "iec61499.commands.deploying", "FbDiff", "compare files, projects, or a device with a system"
-        ),
+        "fb diff": Subcommand("blocks.library", "FbDiff", "compare files, projects, or a device with a system"),
         "fb trace": Subcommand("blocks.trace", "FbTrace", "record the events of a run or a device with their data"),
         "fb replay": Subcommand("blocks.trace", "FbReplay", "repeat a trace; stop at the first event that differs"),
         "fb watch": Subcommand("iec61499.commands.devices", "FbWatch", "read values and counts of running devices"),
@@ -124,6 +122,9 @@ GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
         ),
         "optimise": Subcommand(
             "simulation.optimise", "Optimise", "search the best gains and target time on the twin"
+        ),
+        "upload arm": Subcommand(
+            "simulation.upload_arm", "UploadArm", "check a model of any arm, upload it to its blocks, on trial"
         ),
         "upload gains": Subcommand(
             "simulation.upload", "UploadGains", "check gains, upload them to a running cell, on trial"

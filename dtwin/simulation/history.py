@@ -19,6 +19,8 @@ from dtwin.signals import Count, Line, Seconds, Word
 HISTORY: Final = Path("uploads.jsonl")
 """Default file, in the working directory."""
 
+SELF: Final = "dtwin"
+"""Name under which dtwin itself confirms and rolls back."""
 Action = Literal["start", "upload", "refuse", "confirm", "roll back"]
 """Kinds of entries; "start" means found in force, "confirm" that the trial went as predicted."""
 

@@ -6,9 +6,11 @@ import math
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from dtwin.parameters import PERIOD, Triple
-from dtwin.simulation.figures import SAME_ANGLE, triple
+from dtwin.parameters import PERIOD
+from dtwin.simulation.figures import SAME_ANGLE
 
+Values = tuple[float, ...]
+"""A number for each joint."""
 TrialState = Literal["running", "passed", "failed"]
 
 
@@ -60,18 +62,18 @@ class Trial:
     Attributes:
         measured: largest distance of each joint that counted so far, rad.
         bounds: bounds of the distance of each joint from the next motion on, rad.
-        offender: joint (1 to 3) that failed, or 0 for none; a trial that fails without one could not judge the arm.
+        offender: joint, from 1, that failed, or 0 for none; a trial that fails without one could not judge the arm.
         judged_motion: whether a motion that began with the new settings, and with integrals that fit them, has ended.
     """
 
-    def __init__(self, rules: TrialRules, began: float, predicted: Triple) -> None:
+    def __init__(self, rules: TrialRules, began: float, predicted: Values) -> None:
         self.began = began
-        self.measured: Triple = (0.0, 0.0, 0.0)
+        self.measured: Values = (0.0,) * len(predicted)
         self.offender = 0
-        self.bounds = triple(rules.factor * distance + rules.allowance for distance in predicted)
+        self.bounds = tuple(rules.factor * distance + rules.allowance for distance in predicted)
         self._rules = rules
         self.judged_motion = False
-        self._path: Triple | None = None
+        self._path: Values | None = None
         self._moved = False
         self._counts = False
         self._disturbed = False
@@ -79,13 +81,18 @@ class Trial:
         self._late_at = -math.inf
         self._seen = self._calm = self._beyond = self._late = 0
 
-    def observe(self, time: float, path: Triple, measured: Triple) -> TrialState:
-        """Judges a sample by its plant time (s), the desired angles of the path (rad) and the measured ones (rad).
+    def observe(self, time: float, path: Values, measured: Values, begins: bool | None = None) -> TrialState:
+        """Judges a sample.
 
-        A path starts at the measured angles, which tells its first sample from all others.
+        Args:
+            time: plant time, s.
+            path: desired angles of the path, rad.
+            measured: measured angles, rad.
+            begins: whether a path begins here. None where paths start at the measured angles, which tells their
+                first samples from all others.
         """
-        away = triple(abs(wanted - found) for wanted, found in zip(path, measured, strict=True))
-        begins = max(away) <= SAME_ANGLE
+        away = tuple(abs(wanted - found) for wanted, found in zip(path, measured, strict=True))
+        begins = max(away) <= SAME_ANGLE if begins is None else begins
         self._moved = self._moved or (begins and time >= self.began + self._rules.settling - PERIOD / 2)
         self.judged_motion = self.judged_motion or (self._moved and path == self._path)
         self._path = path
@@ -98,7 +105,7 @@ class Trial:
         self._disturbed = self._disturbed and not self._settled(time)
         self._counts = not self._disturbed and (was_good or begins or self._settled(time))
         if self._counts:
-            self.measured = triple(map(max, self.measured, away))
+            self.measured = tuple(map(max, self.measured, away))
             self._beyond = 0 if inside else self._beyond + 1
             if self._beyond >= self._rules.samples:
                 self.offender = over.index(max(over)) + 1

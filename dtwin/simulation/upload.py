@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Final, Literal
+from typing import Literal
 
 from dtwin.controller.ports import MODEL, OFFSETS, PAYLOAD, TUNING
 from dtwin.controller.settings import ControlSettings
@@ -13,12 +13,10 @@ from dtwin.errors import CommunicationError, ParameterError
 from dtwin.parameters import ArmParameters, Gains, Triple
 from dtwin.simulation.checks import Checker, ExpectedTracking, Refused
 from dtwin.simulation.figures import triple
-from dtwin.simulation.history import Action, Entry, History
+from dtwin.simulation.history import SELF, Action, Entry, History
 from dtwin.simulation.trial import Trial, TrialRules
 
 Kind = Literal["gains", "target", "model", "payload", "offset", ""]
-SELF: Final = "dtwin"
-"""Name under which the uploader itself confirms and rolls back."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -238,7 +236,7 @@ class Uploader:
         self.trial = None
         seen = "tracking was as predicted" if trial.judged_motion else "the arm stood still"
         text = f"{seen} for {time - trial.began:.1f} s"
-        return self._record("confirm", self._tried, self.settings, time, text, measured=trial.measured)
+        return self._record("confirm", self._tried, self.settings, time, text, measured=triple(trial.measured))
 
     def earlier(self, version: int, who: str, why: str, based_on: int) -> Proposal:
         """A proposal that puts the settings of an earlier version into force again; it is checked like any other.
@@ -278,7 +276,7 @@ class Uploader:
             raise Refused(f"roll back: version {self.version} differs in more than one message can change")
         self._send(before, proposal.kind)
         self.trial = None
-        return self._record("roll back", proposal, before, time, measured=trial.measured)
+        return self._record("roll back", proposal, before, time, measured=triple(trial.measured))
 
     def _refuse_untimely(self, proposal: Proposal) -> None:
         if proposal.based_on != self.version:

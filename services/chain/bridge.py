@@ -10,15 +10,17 @@ import logging
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
 from dtwin.arm.adjustment import Adjustment
-from dtwin.bus.chain.messages import JointAdjustment, JointCommands, JointSensors
-from dtwin.bus.messages import ADJUSTED, ADJUSTMENT, EVENTS, JOINT_COMMANDS, JOINT_SENSORS, State
+from dtwin.arm.model import ArmModel
+from dtwin.bus.chain.messages import JointAdjustment, JointCommands, JointModel, JointSensors
+from dtwin.bus.messages import ADJUSTED, ADJUSTMENT, EVENTS, JOINT_COMMANDS, JOINT_SENSORS, MODEL, State
 from dtwin.controller.chain.application import inputs
 from dtwin.controller.chain.embedded import ChainController
+from dtwin.controller.chain.model import model_inputs
 from dtwin.equations.rigid import usual_inertia
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.run.chain import ChainSettings
@@ -28,6 +30,7 @@ from dtwin.services.parts.stopping.watchdog import Watchdog
 from dtwin.services.parts.strides import GAP
 from dtwin.services.service import Link, Service, main
 from dtwin.signals import STOPS, ArmState, Event, EventKind, Stop
+from dtwin.simulation.chain.checks import check_model
 
 log = logging.getLogger(__name__)
 
@@ -76,6 +79,7 @@ class ArmBridge:
         self._blocks = OwnBlocks(self._begun)
         joints = Adjustment.none(len(settings.arm))
         self._in_force = JointAdjustment(NAME, _DATA_SHEET, joints.offset, joints.strength, joints.friction)
+        self._model = JointModel(NAME, _DATA_SHEET, ArmModel.of(settings.arm))
         self._last: JointCommands | None = None
         self._before: JointSensors | None = None
         self._answered = self._skipped = 0
@@ -84,6 +88,7 @@ class ArmBridge:
         self._tell: Callable[[Event], None] = bus.publisher(EVENTS)
         self._tell_adjusted: Callable[[JointAdjustment], None] = bus.publisher(ADJUSTED)
         bus.answer(ADJUSTMENT, JointAdjustment, self._adjust, lambda: self._in_force)
+        bus.answer(MODEL, JointModel, self._reckon, lambda: self._model)
         bus.subscribe(EVENTS, Event, self._note)
         bus.subscribe(JOINT_SENSORS, JointSensors, service.inbox.put)
         self._stops = Stops(bus, self._publish.sender, lambda: self._blocks, self._time)
@@ -154,6 +159,21 @@ class ArmBridge:
         self._in_force = wished
         self._tell_adjusted(wished)
 
+    def _reckon(self, wished: JointModel) -> JointModel:
+        """Lets the blocks reckon with another model, between two samples, on Zenoh's thread.
+
+        Raises:
+            ParameterError: it is for another number of joints, or out of bounds.
+        """
+        arm = check_model(self._settings.arm, wished.model)
+        inertia = usual_inertia(arm)
+        changed, anew = model_inputs(arm, inertia), inputs(arm, inertia, self._settings.control, self._settings.poses)
+        with self._stops.answering:
+            self._inputs, self._model = anew, wished
+            self._blocks.reckon_with(changed)
+        self._tell(Event(self._time(), EventKind.UPLOAD, f"model of {wished.who}: {wished.why}"[:1000]))
+        return wished
+
     def _begin_anew(self, sample: JointSensors, why: str) -> None:
         self._fallen = False
         self._blocks.begin()
@@ -199,6 +219,11 @@ class OwnBlocks:
         with self._lock:
             self._adjustment = found
             self._controller.adjust(found)
+
+    def reckon_with(self, values: Mapping[str, float]) -> None:
+        """Lets these blocks reckon with another model; those that come in their place are made with it."""
+        with self._lock:
+            self._controller.reckon_with(values)
 
     def step(self, sample: JointSensors) -> JointCommands:
         """The answer of the blocks to a sample."""

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import logging
 import sys
-from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass
@@ -18,7 +17,7 @@ import numpy as np
 
 from dtwin.arm.adjustment import Adjustment
 from dtwin.arm.chain import Array
-from dtwin.bus.chain.messages import JointAdjustment, JointTick, JointTicks
+from dtwin.bus.chain.messages import JointAdjustment, JointTicks
 from dtwin.bus.messages import ACKNOWLEDGE, ADJUSTED, EVENTS, JOINT_TICKS, MONITORING, WATCH, State
 from dtwin.bus.twin_messages import AcknowledgeRequest, MonitoringVerdict, WatchRequest, WatchState
 from dtwin.errors import CommunicationError, DtwinError, ParameterError
@@ -27,6 +26,7 @@ from dtwin.monitoring.chain.monitor import ArmMonitor
 from dtwin.monitoring.chain.sequential import HEALTHY
 from dtwin.run.chain import ChainSettings
 from dtwin.services.chain.options import ArmCellOptions
+from dtwin.services.chain.ticks import Rows
 from dtwin.services.parts.readiness.preparation import prepare
 from dtwin.services.parts.stopping.demands import Demands, Failure
 from dtwin.services.service import Link, Service, main
@@ -39,8 +39,6 @@ AT_ONCE: Final = 20
 """Ticks that are judged together: 0.2 s at 100 Hz."""
 VERDICT_EVERY: Final = 0.4
 """Time between two verdicts, s: twice in the time for which one counts."""
-BRIDGED: Final = 10
-"""Largest number of ticks in a row that may be lost without a new stretch."""
 PATIENCE: Final = 4.0
 """Time that a query waits for the main thread, s."""
 
@@ -61,51 +59,6 @@ class Options(ArmCellOptions, Link):
             demands = Demands(service.bus) if self.safe_stop else None
             Watching(service, settings, self.healthy, demands).run()
         return 0
-
-
-class Rows:
-    """Ticks as rows of arrays, with what acted at the samples, as `ChainRun.effort` has it.
-
-    Args:
-        joints: number of joints.
-        late: ticks from a command until it acts.
-    """
-
-    def __init__(self, joints: int, late: int) -> None:
-        self._sent: deque[Array] = deque([np.zeros(joints)] * (late + 1), maxlen=late + 2)
-        self._rows: list[tuple[float, Array, Array, Array]] = []
-        self._last: JointTick | None = None
-
-    def __len__(self) -> int:
-        return len(self._rows)
-
-    def add(self, tick: JointTick) -> int:
-        """Takes a tick; returns how many before it are missing and could not be bridged, -1 if time went back."""
-        last = self._last
-        if last is not None and tick.sensors.sequence == last.sensors.sequence:
-            return 0
-        self._last = tick
-        gap = 1 if last is None else tick.sensors.sequence - last.sensors.sequence
-        if gap < 1:
-            self._rows.clear()
-        elif last is not None and 1 < gap <= BRIDGED:
-            for k in range(1, gap):
-                self._append(_between(last, tick, k / gap))
-        elif gap > BRIDGED:
-            self._rows.clear()
-        self._append(_row(tick))
-        return -1 if gap < 1 else gap - 1 if gap > BRIDGED else 0
-
-    def take(self) -> tuple[Array, Array, Array, Array]:
-        """The rows since the last call: times, readings, targets, and what acted; (N,) and (N, n)."""
-        rows, self._rows = self._rows, []
-        t, q, target, effort = (np.array(column) for column in zip(*rows, strict=True))
-        return t, q, target, effort
-
-    def _append(self, row: tuple[float, Array, Array, Array]) -> None:
-        t, q, target, sent = row
-        self._sent.append(sent)
-        self._rows.append((t, q, target, 0.5 * (self._sent[0] + self._sent[1])))
 
 
 class Watching:
@@ -257,18 +210,6 @@ class _Asked(NamedTuple):
 
     request: AcknowledgeRequest | None
     verdict: Future[MonitoringVerdict]
-
-
-def _row(tick: JointTick) -> tuple[float, Array, Array, Array]:
-    sensors, acted = tick.sensors, tick.acted
-    return sensors.time, np.array(sensors.theta), np.array(acted.target), np.array(acted.commands)
-
-
-def _between(first: JointTick, second: JointTick, share: float) -> tuple[float, Array, Array, Array]:
-    """A row on the line from one to another."""
-    (t, *before), (u, *after) = _row(first), _row(second)
-    q, target, sent = (a + share * (b - a) for a, b in zip(before, after, strict=True))
-    return t + share * (u - t), q, target, sent
 
 
 def _rehearse(settings: ChainSettings) -> None:

@@ -25,6 +25,7 @@ KNOWN: Final = frozenset(
         *("arm", "cell_file", "machine", "poses", "path", "sort", "late", "seed", "fault"),
         *("pace", "duration", "log", "cell", "zenoh", "detach", "json"),
         *("monitoring", "safe_stop", "silence", "healthy", "recovery"),
+        *("identification", "store", "simulation", "history"),
     }
 )
 """Options of `dtwin up` that mean something for any arm."""
@@ -96,9 +97,9 @@ def other_arm(options: Any) -> OtherArm | None:
     _refuse_others(options)
     if options.healthy is not None and not (options.monitoring and LEAST_HEALTHY <= options.healthy < math.inf):
         raise ParameterError(f"--healthy: expected --monitoring beside it, and at least {LEAST_HEALTHY:g} s")
-    if options.recovery is not None and (options.recovery != "act" or not options.monitoring or options.safe_stop):
+    if options.recovery is not None and (not options.monitoring or options.safe_stop):
         raise ParameterError(
-            "--recovery: expected act for another arm than the thesis's, with --monitoring and without --safe-stop"
+            "--recovery: expected --monitoring beside it for another arm than the thesis's, and no --safe-stop"
         )
     task = {name: getattr(options, name) for name in ("poses", "path", "sort")}
     if any(each is not None for each in task.values()):
@@ -132,13 +133,27 @@ def programs_of(other: OtherArm, options: Any, link: list[str]) -> list[Program]
         healthy = [] if options.healthy is None else ["--healthy", str(options.healthy)]
         programs.append(_service("monitoring", [*link, *other.words, *healthy, *stop]))
     if options.recovery is not None:
-        programs.append(_service("recovery", [*link, *other.words]))
+        history = history_of(Path(options.history), other.key)
+        proposals = history.with_name(f"{history.stem}-proposals.jsonl").resolve()
+        mode = ["--mode", options.recovery, "--proposals", str(proposals)]
+        programs.append(_service("recovery", [*link, *other.words, *mode]))
+    if options.identification:
+        store = ["--store", str(options.store.resolve())]
+        programs.append(_service("identification", [*link, *other.words, *store]))
+    if options.simulation:
+        file = ["--history", str(history_of(Path(options.history), other.key).resolve())]
+        programs.append(_service("simulation", [*link, *other.words, *file]))
     if options.safe_stop:  # The arm does not move before it is watched.
         waits += ["--monitored", str(options.silence), "--wait-for", "monitoring"]
     programs.append(_service("bridge", [*link, *other.words, *lossless, *waits]))
     emulator = [*link, *other.words, "--pace", options.pace, "--wait-for", "bridge"]
     emulator += [] if options.duration is None else ["--duration", str(options.duration)]
     return [*programs, _service("emulator", emulator, leading=True)]
+
+
+def history_of(history: Path, key: str) -> Path:
+    """The file of the history of an arm's models beside that of the settings of the thesis's arm."""
+    return history.with_name(f"{history.stem}-{key}{history.suffix}")
 
 
 def _service(name: str, options: list[str], leading: bool = False) -> Program:

@@ -52,6 +52,7 @@ WORDS = {
     "stop": [],
     "target set": ["--time", "3"],
     "up": ["--duration", "1"],
+    "upload arm": [*WHY, "planar-2r"],
     "upload gains": [*WHY, "--kp", "1", "1", "1"],
     "upload model": [*WHY, "--model", "a"],
     "upload rollback": WHY,

@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +11,25 @@ import pyarrow.parquet as pq
 import pytest
 
 from dtwin.arm.file import MODELS
-from dtwin.bus.chain.messages import JointAdjustment, JointSensors
-from dtwin.bus.messages import ADJUSTMENT, EVENTS, FAULT, JOINT_SENSORS, MONITORING, Done, FaultRequest
+from dtwin.arm.model import ArmModel
+from dtwin.arm.modelled import with_model
+from dtwin.bus.chain.messages import JointAdjustment, JointModel, JointSensors, JointUpload
+from dtwin.bus.messages import (
+    ADJUSTMENT,
+    ARM_UPLOAD,
+    EVENTS,
+    FAULT,
+    JOINT_SENSORS,
+    MODEL,
+    MONITORING,
+    Done,
+    FaultRequest,
+)
+from dtwin.bus.session import Bus
 from dtwin.bus.twin_messages import MonitoringVerdict
+from dtwin.emulation.chain.arms import arm_of
+from dtwin.emulation.chain.machine import drawn
+from dtwin.equations.rigid import usual_inertia
 from dtwin.errors import CommunicationError
 from dtwin.services.chain.starting import ENDINGS
 from dtwin.services.runfile import join
@@ -21,6 +38,7 @@ from tests.run.test_chain_sorting import TASK
 from tests.support.desk import Desk
 from tests.support.waiting import until
 
+ARM = arm_of("planar-2r")
 CELL = 'arm = "planar-2r"\nmachine = "7"\nsort = "task.toml"\nlate = 1\n'
 
 
@@ -96,7 +114,6 @@ def test_the_monitor_of_another_arm_learns_it_names_a_fault_and_has_it_stopped(d
 
 def test_recovery_lets_the_blocks_of_another_arm_count_on_what_was_found(desk: Desk) -> None:
     words = ["--arm", "planar-2r", "--machine", "7", "--pace", "lockstep", "--monitoring", "--healthy", "15"]
-    assert "expected act for another arm" in desk.run("up", *words, "--recovery", "propose", status=2)
     desk.detach(*words, "--recovery", "act")
     verdicts: list[MonitoringVerdict] = []
     events: list[Event] = []
@@ -118,3 +135,82 @@ def test_recovery_lets_the_blocks_of_another_arm_count_on_what_was_found(desk: D
         bus.ask(FAULT, FaultRequest(("lock2@0",)), Done)
         until(lambda: any(event.kind == "help" for event in events), "a person is called", 60.0)
     until(lambda: desk.summary()["services"]["bridge"]["state"] == "stopped", "the bridge says that the arm stands")
+
+
+def test_a_person_approves_what_recovery_of_another_arm_proposes(desk: Desk, tmp_path: Path) -> None:
+    words = ["--arm", "planar-2r", "--machine", "7", "--pace", "lockstep", "--monitoring", "--healthy", "15"]
+    assert "expected --monitoring beside it" in desk.run("up", *words[:6], "--recovery", "propose", status=2)
+    desk.detach(*words, "--recovery", "propose", "--history", str(tmp_path / "uploads.jsonl"))
+    verdicts: list[MonitoringVerdict] = []
+    events: list[Event] = []
+
+    def told(kind: str) -> list[str]:
+        return [event.text for event in events if event.kind == kind]
+
+    with join("cell") as bus:
+        bus.subscribe(MONITORING, MonitoringVerdict, verdicts.append)
+        bus.subscribe(EVENTS, Event, events.append)
+        until(lambda: verdicts and verdicts[-1].units["joint 1"].state == "nominal", "the arm is known", 60.0)
+        bus.ask(FAULT, FaultRequest(("K1*=0.7@0",)), Done)
+        until(lambda: told("proposal"), "the answer is proposed", 60.0)
+        assert bus.ask(ADJUSTMENT, None, JointAdjustment).strength == (1.0, 1.0), "nothing moves before"
+        assert "strength for K1; `dtwin mcp approve 1`" in told("proposal")[0]
+        assert "answer K1 by recovery: open" in desk.run("mcp", "proposals")
+        desk.run("mcp", "approve", "1", "--yes", "--who", "ann")
+        until(lambda: told("recovery"), "it is done")
+        assert "proposal 1, approved by ann: " in told("recovery")[0]
+        found = bus.ask(ADJUSTMENT, None, JointAdjustment)
+        assert (found.who, found.strength) == ("ann", pytest.approx((0.7, 1.0), abs=0.05))
+        assert "approved, ann" in desk.run("mcp", "proposals")
+        assert "approved already" in desk.run("mcp", "approve", "1", "--yes", "--who", "bob", status=2)
+        bus.ask(FAULT, FaultRequest(("lock2@0",)), Done)
+        until(lambda: told("help"), "a stop waits for nobody", 60.0)
+
+
+def test_another_arm_is_identified_while_it_works_and_its_blocks_get_the_model(desk: Desk, tmp_path: Path) -> None:
+    words = ["--arm", "planar-2r", "--machine", "7", "--pace", "lockstep", "--identification", "--simulation"]
+    files = ["--store", str(tmp_path / "store"), "--history", str(tmp_path / "uploads.jsonl")]
+    desk.detach(*words, *files)
+    refused = desk.run("identify", "live", status=2)
+    assert "expected --source motion" in refused
+    live = ["identify", "live", "--source", "motion", "--accept", "--name", "found"]
+    said = desk.run(*live, "--upload")
+    assert "on trial in the blocks as version 2 of their model" in said
+    found = ArmModel.of(arm_of(str(tmp_path / "store" / "found.toml")))
+    truth, sheet = (ArmModel.of(arm) for arm in (drawn(ARM, 7), ARM))
+    assert found.constant == pytest.approx(truth.constant, rel=0.2)
+    with join("cell") as bus:
+        now = bus.ask(MODEL, None, JointModel)
+        assert now.who == "identification", desk.run("history")
+        assert now.model.constant == pytest.approx(found.constant, rel=1e-9)
+        kept, told = (usual_inertia(with_model(ARM, model)) for model in (found, now.model))
+        assert told == pytest.approx(kept, rel=1e-3), "the file of the model rounds"
+        until(lambda: not bus.ask(ARM_UPLOAD, None, JointUpload).on_trial, "the trial is over", 60.0)
+        done = bus.ask(ARM_UPLOAD, None, JointUpload)
+        assert (done.action, done.version) == ("confirm", 2)
+        wrong = JointModel("test", "far too heavy", replace(sheet, coulomb=(1e4, 0.0)))
+        with pytest.raises(CommunicationError, match="coulomb of joint 1: expected 0 to"):
+            bus.ask(MODEL, wrong, JointModel)
+    os.kill(desk.find("chain.bridge"), signal.SIGKILL)
+    with join("cell") as bus:
+        until(lambda: _model_of(bus) == done.model, "another bridge gets the model again", 30.0)
+    sheet_again = json.loads(desk.run("upload", "arm", "planar-2r", "--why", "as it was", "--who", "ann"))
+    assert (sheet_again["version"], sheet_again["on_trial"]) == (3, True)
+    assert json.loads(desk.run("upload", "rollback", "--why", "no"))["version"] == 4
+    history = desk.run("history")
+    for line in (
+        "version 2  upload model by identification",
+        "version 3  upload model by ann",
+        "version 4  roll back",
+    ):
+        assert line in history
+    assert "version 9: expected one of the history" in desk.run(
+        "upload", "arm", "--version", "9", "--why", "x", status=2
+    )
+
+
+def _model_of(bus: Bus) -> ArmModel | None:
+    try:
+        return bus.ask(MODEL, None, JointModel).model
+    except CommunicationError:
+        return None

@@ -9,6 +9,7 @@ from typing import Annotated, Final
 
 import msgspec
 
+from dtwin.arm.model import ArmModel
 from dtwin.signals import SCHEMA, Count, Line, Seconds, Word
 
 MOST_JOINTS: Final = 64
@@ -85,3 +86,59 @@ class JointAdjustment(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEM
     strength: Joints
     friction: Joints
     load: float = 0.0
+
+
+class JointModel(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """The model by which the blocks of an arm reckon, wished by whoever asks, or in force.
+
+    Attributes:
+        who: who wants it.
+        why: reason in the words of who asks.
+        model: the model.
+    """
+
+    who: Word
+    why: Line
+    model: ArmModel
+
+
+class JointUploadRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """Another model for the running blocks of an arm.
+
+    Attributes:
+        who: who wants it.
+        why: reason in the words of who asks.
+        based_on: version that they have seen.
+        model: the model; None for an earlier one.
+        version: version of the history whose model shall be in force again.
+    """
+
+    who: Word
+    why: Line
+    based_on: Count
+    model: ArmModel | None = None
+    version: Count | None = None
+
+
+class JointUpload(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """The newest entry in the history of an arm's models, and what is in force.
+
+    Attributes:
+        version: version of the model in force.
+        time: plant time of the entry, s.
+        action: start, upload, refuse, confirm or roll back.
+        text: what came of it, or why it was done.
+        on_trial: whether the model is still being watched.
+        model: model in force.
+        predicted: largest distance of each joint from its path that the twin expects, rad or m.
+        measured: the same in the trial; None before its end.
+    """
+
+    version: Count
+    time: Seconds
+    action: Word
+    text: Line
+    on_trial: bool
+    model: ArmModel
+    predicted: Joints | None = None
+    measured: Joints | None = None

@@ -20,13 +20,23 @@ from dtwin.bus.messages import (
     LINE_DECIDE,
     LINE_LOOK,
     LOOK,
+    RECOVERY_DECIDE,
+    RECOVERY_LOOK,
     SET_UP,
     UPLOAD,
     Done,
     StopRequest,
     Topic,
 )
-from dtwin.bus.proposals.messages import AnswerRequest, Kind, LineLook, Look, Proposal, ProposalDecision
+from dtwin.bus.proposals.messages import (
+    AnswerRequest,
+    Kind,
+    LineLook,
+    Look,
+    Proposal,
+    ProposalDecision,
+    RecoveryLook,
+)
 from dtwin.bus.session import Bus
 from dtwin.bus.stopping import stop
 from dtwin.bus.twin_messages import AcknowledgeRequest, MonitoringVerdict, Upload
@@ -48,17 +58,19 @@ class Kept:
     """
 
     look: Topic
-    told: type[Look] | type[LineLook]
+    told: type[Look] | type[LineLook] | type[RecoveryLook]
     decide: Topic
 
     def proposals(self, bus: Bus) -> tuple[Proposal, ...]:
         """The newest proposals, oldest first. Raises CommunicationError."""
-        told: Look | LineLook = bus.ask(self.look, None, self.told)
+        told: Look | LineLook | RecoveryLook = bus.ask(self.look, None, self.told)
         return told.proposals
 
 
 CELL: Final = Kept(LOOK, Look, DECIDE_PROPOSAL)
 LINE: Final = Kept(LINE_LOOK, LineLook, LINE_DECIDE)
+ARM: Final = Kept(RECOVERY_LOOK, RecoveryLook, RECOVERY_DECIDE)
+"""Of an arm that is not the thesis's."""
 
 
 def find(bus: Bus, number: int, kept: Kept = CELL) -> Proposal:

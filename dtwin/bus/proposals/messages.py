@@ -23,7 +23,7 @@ ProposalState = Literal["open", "approved", "declined", "expired"]
 """approved: a person has taken it on, once; what came of it is told afterwards."""
 SHOWN: Final = 20
 """Number of the newest proposals that are told."""
-FaultName = Annotated[str, msgspec.Meta(pattern="^[A-Za-z]{1,16}[123]?$")]
+FaultName = Annotated[str, msgspec.Meta(pattern="^[A-Za-z]{1,16}[0-9]{0,2}$")]
 """What a finding names: a kind, and a joint for those that befall one."""
 Names = Annotated[tuple[FaultName, ...], msgspec.Meta(max_length=8)]
 
@@ -151,4 +151,14 @@ class LineLook(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
     """
 
     version: Count
+    proposals: Annotated[tuple[Proposal, ...], msgspec.Meta(max_length=SHOWN)] = ()
+
+
+class RecoveryLook(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """What recovery of an arm that is not the thesis's has proposed.
+
+    Attributes:
+        proposals: the newest proposals, oldest first.
+    """
+
     proposals: Annotated[tuple[Proposal, ...], msgspec.Meta(max_length=SHOWN)] = ()

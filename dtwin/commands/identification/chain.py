@@ -18,8 +18,9 @@ from dtwin.identification.chain.delay import delays, said_of
 from dtwin.identification.chain.gears import gears
 from dtwin.identification.chain.gears import said_of as said_of_gears
 from dtwin.identification.chain.identify import Identification, Sample
-from dtwin.identification.chain.overlay import overlaid, write_arm, write_urdf
+from dtwin.identification.chain.overlay import overlaid, write_urdf
 from dtwin.identification.chain.result import as_object, doubts, numbers, write_toml
+from dtwin.identification.live.kept import write_beside
 from dtwin.measurements.columns import ColumnMap
 from dtwin.measurements.page import oddities
 from dtwin.measurements.reading import read_measurement
@@ -124,13 +125,8 @@ class Written(NamedTuple):
             write_urdf(found, model, self.urdf)
         if self.mjcf is not None:
             write_mjcf(overlaid(found), template, self.mjcf)
-        beside = self._beside(model)
-        if self.arm is not None and beside is not None:
-            if template is None:
-                write_urdf(found, model, beside)
-            else:
-                write_mjcf(overlaid(found), template, beside)
-            write_arm(found, known, beside, self.arm)
+        if self.arm is not None:
+            write_beside(found, known, self.arm)
 
     def _beside(self, model: Path) -> Path | None:
         return None if self.arm is None else self.arm.with_suffix(model.suffix.lower())

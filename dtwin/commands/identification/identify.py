@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.table import Table
 
 from dtwin.api.identification import Identified, Measured, fitted, measured
-from dtwin.arm.file import SUFFIX, ArmFile, path_of, read_file
+from dtwin.arm.file import file_of
 from dtwin.controller.excitation import ExcitationController
 from dtwin.emulation.chain.arms import arm_of
 from dtwin.emulation.machine.files import machine_of
@@ -147,8 +147,7 @@ class Identify(MachineOption):
 
         if self.log is None:
             raise ParameterError("--arm: expected a log, from which the arm is identified")
-        path = path_of(text)
-        known = read_file(path) if path.suffix.lower() == SUFFIX else ArmFile(path, path)
+        known = file_of(text)
         known = replace(known, tip=self.tip or known.tip)
         written = Written(self.out, self.urdf, self.mjcf, self.arm_out)
         written.check(known.model)

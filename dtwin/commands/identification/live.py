@@ -38,7 +38,8 @@ class IdentifyLive:
     """Mass that a box in the gripper is taken to have, kg; the middle of the cell's boxes if not given."""
     source: DataSource = "signal"
     """signal: the blocks excite the arm; motion: the arm goes on working, and its motions with an empty gripper tell
-    what of the known model (dtwin up --model) has changed."""
+    what of the known model (dtwin up --model) has changed. Another arm than the thesis's is identified whole from its
+    motion, without --free and --anew."""
     since: float = 0.0
     """Plant time from which on motion counts, s; the service remembers one minute."""
     anew: str = ""
@@ -112,7 +113,9 @@ def _print(state: IdentificationState) -> None:
     print_table(table)
     console.print(as_text(state.text))
     fits = ", ".join(f"{value:.4f}" for value in state.fit or ())
-    white = "white" if state.residual_white else "not white: the model leaves something unexplained"
-    console.print(f"fit on held-out motion {fits}; residuals {white}", highlight=False)
+    console.print(f"fit on held-out motion {fits}", highlight=False)
+    if state.parameters.keys() <= set(PARAMETER_NAMES):  # of another arm they are not looked at
+        white = "white" if state.residual_white else "not white: the model leaves something unexplained"
+        console.print(f"residuals {white}")
     if state.doubts:
         console.print(f"[bold red]Do not use this model: {state.doubts}.[/]", soft_wrap=True)

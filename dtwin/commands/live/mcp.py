@@ -18,7 +18,7 @@ import tyro
 from dtwin.ai.profiles import Limits, Profile, role_of
 from dtwin.bus.line.messages import FlowEffect
 from dtwin.bus.messages import SUMMARY, Summary
-from dtwin.bus.proposals.deciding import CELL, DOORS, LINE, LINE_DOORS, Door, Kept, decide, find, have_answered
+from dtwin.bus.proposals.deciding import ARM, CELL, DOORS, LINE, LINE_DOORS, Door, Kept, decide, find, have_answered
 from dtwin.bus.proposals.messages import Kind, Proposal, ProposalDecision
 from dtwin.bus.session import Bus
 from dtwin.commands.live.audits import AuditOptions, outcome
@@ -29,7 +29,7 @@ from dtwin.names import check_name
 from dtwin.parameters import ArmParameters
 from dtwin.run.options import CellFileOption
 from dtwin.services import runfile
-from dtwin.services.runfile import join, join_line, kept
+from dtwin.services.runfile import has_other_arm, join, join_line, kept
 from dtwin.simulation.history import HISTORY
 from dtwin.simulation.proposals.book import OWN
 from dtwin.terminal import print_json, printable
@@ -179,7 +179,9 @@ class _AtCell:
     @property
     def proposals_kept(self) -> Kept:
         """Who keeps the proposals."""
-        return CELL if self.line is None else LINE
+        if self.line is not None:
+            return LINE
+        return ARM if has_other_arm(self.cell, self.zenoh) else CELL
 
     def joined(self) -> Bus:
         """Its bus. Raises CommunicationError when it is not up."""

@@ -5,8 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from dtwin.arm.model import ArmModel
 from dtwin.errors import RecordingError
+from dtwin.services import runfile
+from dtwin.services.chain.starting import history_of
 from dtwin.services.runfile import kept
+from dtwin.simulation.chain.history import ArmEntry, ArmHistory
 from dtwin.simulation.history import HISTORY, Entry, History
 from dtwin.terminal import print_json, printable
 
@@ -23,22 +27,50 @@ class ShowHistory:
     """Print one JSON object on standard output and nothing else."""
 
     def execute(self) -> int:
-        file = self.file or kept(self.cell, "history", HISTORY)
+        file = self.file or self._of_cell()
         if not file.exists():
             raise RecordingError(f"{file}: there is no history yet; the simulation service keeps it")
-        entries = History(file).entries()
+        entries = _entries(file)
         if self.json:
             print_json({"entries": entries})
             return 0
         for entry in entries:
-            what = f"{entry.action} {entry.kind}".strip()
+            kind = entry.kind if isinstance(entry, Entry) else "model"
+            what = f"{entry.action} {kind}".strip()
             reason = f": {entry.why}" if entry.why else ""
             print(printable(f"{entry.time:10.2f} s  version {entry.version}  {what} by {entry.who}{reason}"))
             if entry.text:
                 print(printable(f"{'':14}{entry.text}"))
             if entry.action in ("start", "upload", "roll back"):
-                print(f"{'':14}{_settings(entry)}")
+                print(f"{'':14}{_settings(entry) if isinstance(entry, Entry) else _model(entry.model)}")
         return 0
+
+    def _of_cell(self) -> Path:
+        """The file of the cell that is up on this machine; that of its arm, where it is not the thesis's."""
+        up, file = runfile.find(self.cell), kept(self.cell, "history", HISTORY)
+        other = file if up is None else history_of(file, up.arm)
+        return other if other.exists() else file
+
+
+def _entries(file: Path) -> list[Entry] | list[ArmEntry]:
+    """The entries of either kind of history.
+
+    Raises:
+        RecordingError: it is none of both.
+    """
+    try:
+        return History(file).entries()
+    except RecordingError as error:
+        try:
+            return ArmHistory(file).entries()
+        except RecordingError:
+            raise error from None
+
+
+def _model(model: ArmModel) -> str:
+    mass = sum(body[0] for body in model.bodies)
+    lost = f"viscous {_list(model.viscous)}, coulomb {_list(model.coulomb)}"
+    return f"{mass:.4g} kg, constants {_list(model.constant)}, {lost}"
 
 
 def _settings(entry: Entry) -> str:

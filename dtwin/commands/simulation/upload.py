@@ -12,11 +12,14 @@ import msgspec
 import tyro
 
 from dtwin.api.live import LiveCell, connect
-from dtwin.bus.twin_messages import Upload, UploadRequest
+from dtwin.bus.chain.messages import JointUpload
+from dtwin.bus.messages import ARM_ROLL_BACK
+from dtwin.bus.twin_messages import RollBackRequest, Upload, UploadRequest
 from dtwin.controller.proposed import read_settings
 from dtwin.errors import CommunicationError, ModelError, ParameterError
 from dtwin.identification.store import STORE, ModelStore, open_model
 from dtwin.parameters import ArmParameters, Gains, Triple
+from dtwin.services import runfile
 from dtwin.terminal import print_json
 
 _LOOK = 0.2
@@ -45,7 +48,11 @@ class RollBack(_Request):
 
     def execute(self) -> int:
         with connect(self.cell, zenoh=self.zenoh) as cell:
-            _print(cell.roll_back(self.why, who=self.who or None))
+            if runfile.has_other_arm(self.cell, self.zenoh):
+                request = RollBackRequest(self.who or getpass.getuser(), self.why)
+                print_json(cell.bus.ask(ARM_ROLL_BACK, request, JointUpload))
+            else:
+                _print(cell.roll_back(self.why, who=self.who or None))
         return 0
 
 

@@ -76,6 +76,11 @@ class ChainController:
         """Lets the joints count on what was found of them, from the next sample on."""
         self._twin(found.message)
 
+    def reckon_with(self, values: Mapping[str, float]) -> None:
+        """Lets the blocks reckon with another model from the next sample on (model.model_inputs)."""
+        for name, value in values.items():
+            self.resource.write(name, value)
+
     def halt(self, angles_known: bool) -> None:
         """Stops the arm: it brakes along its path and stands; without torque where its angles are not known."""
         self.judge("failed" if angles_known else "angles unknown", 1.0)

@@ -45,8 +45,8 @@ class _Continue(Exception):
     pass
 
 
-class Return(Exception):
-    """The program has ended early."""
+class _Return(Exception):
+    pass
 
 
 @dataclass(frozen=True)
@@ -72,15 +72,13 @@ class _Place:
 
 def left_by(tree: ast.ParsedAlgorithm, types: Mapping[str, DataType], values: Mapping[str, Any]) -> dict[str, Any]:
     """What the program leaves in its variables. Raises Fault."""
-    oracle = Oracle(types, values)
-    with suppress(Return):
+    oracle = _Oracle(types, values)
+    with suppress(_Return):
         oracle.body(tree.body)
     return {name: oracle.data[name] for name in types}
 
 
-class Oracle:
-    """Walks over the tree of a program."""
-
+class _Oracle:
     def __init__(self, types: Mapping[str, DataType], values: Mapping[str, Any]) -> None:
         self.types = types
         self.data = {name: deepcopy(values.get(name, kind.default)) for name, kind in types.items()}
@@ -115,7 +113,7 @@ class Oracle:
             case ast.Continue():
                 raise _Continue
             case ast.Return():
-                raise Return
+                raise _Return
             case _:
                 raise NotImplementedError(type(node).__name__)
 

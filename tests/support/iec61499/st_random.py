@@ -56,7 +56,7 @@ _DEEP: Final[dict[str, DataType]] = {
     "NE": NEST,
     "SB": elementary("STRING[5]"),
 }
-COUNTERS: Final = ("F1", "F2", "W1", "W2")
+_COUNTERS: Final = ("F1", "F2", "W1", "W2")
 
 
 def variables(lua: bool) -> dict[str, DataType]:
@@ -64,7 +64,7 @@ def variables(lua: bool) -> dict[str, DataType]:
     names = SMALL if lua else (*SMALL, *LARGE)
     scope: dict[str, DataType] = {f"{name}{n}": elementary(name) for name in (*names, "STRING") for n in (1, 2)}
     scope |= _ARRAYS if lua else {**_ARRAYS, **_DEEP}
-    return scope | dict.fromkeys(COUNTERS, elementary("DINT"))
+    return scope | dict.fromkeys(_COUNTERS, elementary("DINT"))
 
 
 @dataclass(frozen=True)
@@ -78,16 +78,14 @@ class Program:
 
 def program(seed: int, lua: bool) -> Program:
     """The program of a seed."""
-    return Maker(random.Random(seed), lua).program()
+    return _Maker(random.Random(seed), lua).program()
 
 
-class Maker:
-    """Makes a program; what it is made of is drawn by the methods that are called as the kinds of types."""
-
-    def __init__(self, rng: random.Random, lua: bool, types: dict[str, DataType] | None = None) -> None:
+class _Maker:
+    def __init__(self, rng: random.Random, lua: bool) -> None:
         self.rng = rng
         self.lua = lua
-        self.types = types or variables(lua)
+        self.types = variables(lua)
         self.loops = 0
         self.places: dict[str, list[tuple[str, tuple[tuple[int, int], ...]]]] = {}
         for name, kind in self.types.items():
@@ -97,7 +95,7 @@ class Maker:
 
     def program(self) -> Program:
         text = "".join(self.statement(2) for _ in range(self.rng.randint(2, 6)))
-        values = {n: self.initial(kind) for n, kind in self.types.items() if n not in COUNTERS}
+        values = {n: self.initial(kind) for n, kind in self.types.items() if n not in _COUNTERS}
         return Program(text, self.types, values)
 
     def initial(self, kind: DataType) -> Any:
@@ -365,7 +363,7 @@ class Maker:
         names = [name for name in self.places if name.startswith(_SIMPLE) and name != "STRING[5]"]
         name = self.rng.choice(names)
         target = self.place(name, 2)
-        if target in COUNTERS:
+        if target in _COUNTERS:
             return self.assignment()
         if name == "STRING" and not self.lua and self.rng.random() < 0.2:
             target = "SB"

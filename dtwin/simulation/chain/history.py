@@ -1,0 +1,49 @@
+"""The history of the models that the blocks of an arm have reckoned with, one JSON line for every change."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+
+from dtwin.arm.model import ArmModel
+from dtwin.line_file import LineFile
+from dtwin.signals import Count, Line, Seconds, Word
+from dtwin.simulation.history import Action
+
+
+class ArmEntry(msgspec.Struct, frozen=True, tag_field="schema", tag=1):
+    """An entry: one action on the model.
+
+    Attributes:
+        version: version of the model in force afterwards, which counts up with every change.
+        time: plant time, s.
+        action: what was done.
+        who: who wanted it.
+        why: reason in the words of who wanted it.
+        model: model in force afterwards.
+        text: result in words, such as the reason of a refusal or the outcome of the trial.
+        predicted: largest distance of each joint from its path that the twin predicted, rad or m.
+        measured: largest distance of each joint from its path in the trial, rad or m.
+    """
+
+    version: Count
+    time: Seconds
+    action: Action
+    who: Word
+    why: Line
+    model: ArmModel
+    text: Line = ""
+    predicted: tuple[float, ...] | None = None
+    measured: tuple[float, ...] | None = None
+
+
+class ArmHistory(LineFile[ArmEntry]):
+    """The entries of a history file.
+
+    Args:
+        path: path of the file, which is made with the first entry.
+    """
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, ArmEntry, "an entry of the history of an arm's models")

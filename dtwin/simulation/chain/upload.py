@@ -1,0 +1,221 @@
+"""Uploads models to the running blocks of an arm: checked, tried on the arm, kept in a history, and taken back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final, Protocol
+
+from dtwin.arm.model import ArmModel
+from dtwin.errors import CommunicationError, ParameterError
+from dtwin.simulation.chain.history import ArmEntry, ArmHistory
+from dtwin.simulation.history import SELF, Action
+from dtwin.simulation.trial import Trial, TrialRules
+
+RULES: Final = TrialRules(longest=30.0)
+"""A trial lasts at least 10 s and until a whole way has been judged; at most 30 s where an arm never rests."""
+Values = tuple[float, ...]
+
+
+class ModelPort(Protocol):
+    """The running blocks, as uploads see them. Both raise CommunicationError when nobody answers, or refuses."""
+
+    def send(self, who: str, why: str, model: ArmModel) -> None:
+        """Lets the blocks reckon with a model."""
+
+    def read_back(self) -> ArmModel:
+        """The model that they reckon with."""
+
+
+class ArmUploads:
+    """Changes the model of running blocks and watches it on trial.
+
+    Args:
+        port: way to the blocks.
+        history: history of the models.
+        check: the distances from the path that the twin expects with a model; raises ParameterError.
+        time: plant time, s.
+        rules: rules of the trial.
+
+    Attributes:
+        last: newest entry of the history, whose model is in force.
+        trial: trial that is running, or None.
+
+    Raises:
+        CommunicationError: the blocks do not answer.
+        RecordingError: the history cannot be used.
+    """
+
+    def __init__(
+        self,
+        port: ModelPort,
+        history: ArmHistory,
+        check: Callable[[ArmModel], Values],
+        time: float = 0.0,
+        rules: TrialRules = RULES,
+    ) -> None:
+        self.trial: Trial | None = None
+        self._port = port
+        self._history = history
+        self._check = check
+        self._rules = rules
+        self._before: ArmModel | None = None
+        self._waiting: Values | None = None
+        self._target: Values = ()
+        self._stood = False
+        found, entries = port.read_back(), history.entries()
+        if entries and entries[-1].model == found:
+            self.last = entries[-1]
+            self._take_up(entries)
+        else:
+            version = entries[-1].version + 1 if entries else 1
+            self.last = self._record("start", version, SELF, "found in force", found, time)
+
+    @property
+    def version(self) -> int:
+        """Version of the model in force."""
+        return self.last.version
+
+    @property
+    def on_trial(self) -> bool:
+        """Whether the model in force is on trial."""
+        return self.trial is not None or self._waiting is not None
+
+    def _take_up(self, entries: list[ArmEntry]) -> None:
+        """Goes on with a trial that the end of an earlier process cut short, from the next sample on."""
+        earlier = [entry.model for entry in entries if entry.version < self.version]
+        if self.last.action == "upload" and earlier:
+            self._before, self._waiting = earlier[-1], self.last.predicted
+
+    @property
+    def model(self) -> ArmModel:
+        """The model in force."""
+        return self.last.model
+
+    def look_again(self) -> bool:
+        """Gives blocks that have forgotten the model, such as those of another bridge, that in force again.
+
+        Returns:
+            whether they had forgotten it.
+
+        Raises:
+            CommunicationError: they do not answer, or refuse.
+        """
+        if self._port.read_back() == self.model:
+            return False
+        self._port.send(SELF, f"version {self.version} again", self.model)
+        return True
+
+    def upload(self, who: str, why: str, based_on: int, model: ArmModel, time: float) -> ArmEntry:
+        """Puts a model into force, on trial.
+
+        Args:
+            who: who wants it.
+            why: reason in the words of who wants it.
+            based_on: version that they have seen.
+            model: the model.
+            time: plant time, s.
+
+        Raises:
+            ParameterError: it must not be uploaded; the refusal is in the history.
+            CommunicationError: the blocks do not answer, or refuse.
+        """
+        try:
+            if self.on_trial:
+                raise ParameterError(f"version {self.version} is on trial: wait for it, or roll it back")
+            if based_on != self.version:
+                raise ParameterError(f"the model has changed: expected version {self.version}, got {based_on}")
+            predicted = self._check(model)
+        except ParameterError as error:
+            self.last = self._record("refuse", self.version, who, why, self.model, time, str(error))
+            raise
+        before = self.model
+        # The history comes first: if this process ends now, the next one finds in it what it has to restore.
+        entry = self._record("upload", self.version + 1, who, why, model, time, predicted=predicted)
+        try:
+            self._port.send(who, why, model)
+        except CommunicationError:
+            text = "the blocks have not taken it"
+            self.last = self._record("roll back", entry.version + 1, SELF, text, before, time, text)
+            raise
+        self.last, self._before = entry, before
+        self.trial = Trial(self._rules, time, predicted)
+        return entry
+
+    def earlier(self, version: int) -> ArmModel:
+        """The model of an earlier version.
+
+        Raises:
+            ParameterError: the history has no such version.
+        """
+        found = {entry.version: entry.model for entry in self._history.entries()}
+        if version not in found:
+            raise ParameterError(f"version {version}: expected one of the history, 1 to {self.version}")
+        return found[version]
+
+    def roll_back(self, who: str, why: str, time: float, measured: Values | None = None) -> ArmEntry:
+        """Puts the model before that on trial into force again, at once.
+
+        Raises:
+            ParameterError: nothing is on trial.
+            CommunicationError: the blocks do not answer.
+        """
+        before = self._before
+        if not self.on_trial or before is None:
+            raise ParameterError("nothing is on trial: expected an upload before, upload an earlier version")
+        self._port.send(who, why, before)
+        self.trial = self._before = self._waiting = None
+        self.last = self._record("roll back", self.version + 1, who, why, before, time, measured=measured)
+        return self.last
+
+    def observe(self, time: float, target: Values, measured: Values) -> ArmEntry | None:
+        """Judges a sample while a trial runs.
+
+        Args:
+            time: plant time, s.
+            target: desired positions, (n,).
+            measured: positions without what the encoders are known to read too much, (n,).
+
+        Returns:
+            The entry of the history if this sample ends the trial.
+
+        Raises:
+            CommunicationError: the model fails, and the blocks do not take the old one.
+        """
+        if self._waiting is not None:
+            self.trial, self._waiting = Trial(self._rules, time, self._waiting), None
+        trial = self.trial
+        if trial is None:
+            return None
+        begins = self._stood and target != self._target
+        self._stood, self._target = target == self._target, target
+        verdict = trial.observe(time, target, measured, begins)
+        if verdict == "running":
+            return None
+        if verdict == "failed":
+            return self.roll_back(SELF, trial.why(), time, trial.measured)
+        self.trial = self._before = None
+        text = f"tracking was as predicted for {time - trial.began:.1f} s"
+        self.last = self._record("confirm", self.version, SELF, text, self.model, time, text, measured=trial.measured)
+        return self.last
+
+    def miss(self, time: float) -> None:
+        """Takes note that the command which answers the sample of a plant time (s) came late or never."""
+        if self.trial is not None:
+            self.trial.miss(time)
+
+    def _record(
+        self,
+        action: Action,
+        version: int,
+        who: str,
+        why: str,
+        model: ArmModel,
+        time: float,
+        text: str = "",
+        *,
+        predicted: Values | None = None,
+        measured: Values | None = None,
+    ) -> ArmEntry:
+        entry = ArmEntry(version, time, action, who, why[:1000], model, text[:1000], predicted, measured)
+        self._history.append(entry)
+        return entry

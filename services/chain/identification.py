@@ -1,0 +1,247 @@
+"""Identifies a running arm of n joints from the motion that passes: an operator asks, and decides what is kept.
+
+Ticks are remembered as the blocks counted on them: without the offsets of encoders, and with the strengths of drives
+that the twin has told them. So what is found is what they reckon with besides.
+"""
+
+from __future__ import annotations
+
+import logging
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import msgspec
+import numpy as np
+
+from dtwin.arm.adjustment import Adjustment
+from dtwin.arm.chain import Array
+from dtwin.arm.file import ArmFile, file_of
+from dtwin.arm.model import ArmModel
+from dtwin.bus.chain.messages import JointAdjustment, JointTicks, JointUpload, JointUploadRequest
+from dtwin.bus.messages import (
+    ADJUSTED,
+    ARM_UPLOAD,
+    DECIDE,
+    EVENTS,
+    IDENTIFICATION,
+    IDENTIFY,
+    JOINT_TICKS,
+)
+from dtwin.bus.twin_messages import Estimated, IdentificationDecision, IdentificationRequest, IdentificationState
+from dtwin.errors import CommunicationError, DtwinError, IdentificationError, ParameterError
+from dtwin.identification.chain.identify import Identification, Sample, identify
+from dtwin.identification.chain.result import NINETY_FIVE, numbers
+from dtwin.identification.live.kept import keep
+from dtwin.identification.live.running import doubts_of, measurement_of, model_without
+from dtwin.identification.store import STORE
+from dtwin.run.chain import ChainSettings
+from dtwin.services.chain.options import ArmCellOptions
+from dtwin.services.chain.ticks import Rows
+from dtwin.services.service import Link, Service, main
+from dtwin.signals import Event, EventKind
+
+log = logging.getLogger(__name__)
+
+NAME: Final = "identification"
+NEEDED: Final = 30.0
+"""Time of motion from which an arm is identified, s."""
+REMEMBERED: Final = 120.0
+"""Longest time that is remembered, s."""
+PATIENCE: Final = 120.0
+"""Longest wait for so much motion, s of the clock."""
+AT_ONCE: Final = 20
+"""Ticks that are taken together."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options(ArmCellOptions, Link):
+    """Identify the arm of a running cell when an operator asks."""
+
+    store: Path = STORE
+    """Folder of the kept arms."""
+
+    def run(self) -> int:
+        settings = self.settings()
+        with Service(NAME, self) as service:
+            Identifying(service, settings, file_of(self.kind), self.store).run()
+        return 0
+
+
+class Identifying:
+    """One identification after another, each from request to decision.
+
+    Args:
+        service: frame of the service.
+        settings: run of the arm.
+        known: what the arm's file says.
+        store: folder of the kept arms.
+    """
+
+    def __init__(self, service: Service, settings: ChainSettings, known: ArmFile, store: Path) -> None:
+        self._service = service
+        self._settings = settings
+        self._known = known
+        self._store = store
+        self._adjustment = Adjustment.none(len(settings.arm))
+        self._time = self._deadline = 0.0
+        self._request = IdentificationRequest()
+        self._found: Identification | None = None
+        self._finished = 0
+        self._state = IdentificationState("idle", "ready")
+        self._forget()
+        bus = service.bus
+        self._publish: Callable[[IdentificationState], None] = bus.publisher(IDENTIFICATION)
+        self._tell: Callable[[Event], None] = bus.publisher(EVENTS)
+        bus.subscribe(JOINT_TICKS, JointTicks, service.inbox.put)
+        bus.subscribe(ADJUSTED, JointAdjustment, service.inbox.put)
+        bus.answer(IDENTIFY, IdentificationRequest, self._ask, lambda: self._state)
+        bus.answer(DECIDE, IdentificationDecision, self._decide, lambda: self._state)
+
+    def run(self) -> None:
+        """Works until it is asked to end."""
+        service = self._service
+        service.ready()
+        while not service.stopping:
+            item = service.next(0.2)
+            try:
+                if isinstance(item, JointTicks):
+                    self._take(item)
+                elif isinstance(item, JointAdjustment):
+                    self._adjust(item)
+                elif isinstance(item, IdentificationRequest):
+                    self._request, self._found = item, None
+                    self._deadline = time.monotonic() + PATIENCE
+                    self._look()
+                if self._state.phase == "measuring" and time.monotonic() > self._deadline > 0.0:
+                    raise IdentificationError(f"{self._state.text}, and there it stopped: does the arm move?")
+            except DtwinError as error:
+                self._enter(IdentificationState("refused", str(error)[:1000]))
+            if service.report_due():
+                service.report("running", self._finished, time=self._time)
+
+    def _forget(self) -> None:
+        self._rows = Rows(len(self._settings.arm), self._settings.late)
+        self._kept: list[tuple[Array, Array, Array, Array]] = []
+
+    def _adjust(self, message: JointAdjustment) -> None:
+        """Begins anew where the blocks count on something else: it was an arm that changed."""
+        now = Adjustment(message.offset, message.strength, message.friction, message.load)
+        if len(now.offset) == len(self._settings.arm) and now != self._adjustment:
+            self._adjustment = now
+            self._forget()
+
+    def _take(self, passed: JointTicks) -> None:
+        for tick in passed.ticks:
+            if len(tick.sensors.theta) != len(self._settings.arm):
+                return
+            if self._rows.add(tick):  # a gap, or another run
+                self._kept = []
+            self._time = tick.sensors.time
+        if len(self._rows) < AT_ONCE:
+            return
+        self._kept.append(self._rows.take())
+        spare = len(self._kept) - round(REMEMBERED / (self._settings.arm.period * AT_ONCE))
+        del self._kept[: max(0, spare)]
+        if self._state.phase == "measuring" and self._deadline:
+            self._look()
+
+    def _ask(self, request: IdentificationRequest) -> IdentificationState:
+        """Answers on Zenoh's thread; the work is the main thread's."""
+        if self._state.phase in ("measuring", "estimating"):
+            raise IdentificationError(f"an identification is {self._state.phase}; wait for it")
+        usual = IdentificationRequest(source="motion", since=request.since)
+        if request != usual:
+            raise ParameterError(
+                "an arm of n joints is identified whole, from its own motion: expected --source motion, and no "
+                "--free, --box-mass or --anew"
+            )
+        self._deadline = 0.0
+        self._state = IdentificationState("measuring", "waits for the motion")
+        self._service.inbox.put(request)
+        return self._state
+
+    def _look(self) -> None:
+        """Identifies the arm once enough has passed."""
+        rows = [np.concatenate(column) for column in zip(*self._kept, strict=True)] or [np.zeros(0)] * 4
+        after = rows[0] >= self._request.since
+        t, q, target, effort = (column[after] for column in rows)
+        needed = round(NEEDED / self._settings.arm.period)
+        if len(t) < needed:
+            seen = IdentificationState("measuring", "the arm is watched", len(t), needed)
+            if (seen.samples // 100) != (self._state.samples // 100) or self._state.of != needed:
+                self._enter(seen)
+            return
+        self._enter(IdentificationState("estimating", "the model is fitted", len(t), len(t)))
+        measured = measurement_of(self._settings.arm, self._adjustment, t, q, target, effort)
+        self._propose(identify(self._settings.arm, [Sample(measured)]))
+
+    def _propose(self, found: Identification) -> None:
+        self._found = found
+        self._finished += 1
+        fit = tuple(1.0 - error for error in found.held_out[found.groups].tolist())
+        told = [row for row in numbers(found) if row.told]
+        names = {joint.name: f"joint {k}" for k, joint in enumerate(found.arm.joints, 1)}
+        names |= {link.name: f"link {k}" for k, link in enumerate(found.arm.links, 1)}
+        left = sum(1 for row in numbers(found) if not row.told)
+        self._enter(
+            msgspec.structs.replace(
+                self._state,
+                phase="proposed",
+                text=f"{len(told)} numbers are told by the motion; {left} stay as they were known",
+                converged=True,
+                rank=len(told),
+                parameters={_short(row.name, names): Estimated(row.value, row.half / NINETY_FIVE) for row in told},
+                fit=fit,
+                doubts=doubts_of(found, self._settings.arm)[:1000],
+            )
+        )
+
+    def _decide(self, decision: IdentificationDecision) -> IdentificationState:
+        found = self._found
+        if self._state.phase != "proposed" or found is None:
+            raise IdentificationError(f"no model waits for a decision: the identification is {self._state.phase}")
+        if not decision.accept:
+            self._enter(msgspec.structs.replace(self._state, phase="rejected", text="the model was not kept"))
+            return self._state
+        if self._state.doubts and not decision.anyway:
+            raise IdentificationError(
+                f"the model is in doubt, {self._state.doubts}: expected to be kept anyway, or rejected"
+            )
+        path = keep(found, self._known, self._store, decision.name)
+        text = f"kept as {path}"
+        if decision.upload:
+            text = f"{text}, {self._upload(model_without(found, self._adjustment), text)}"
+        self._enter(msgspec.structs.replace(self._state, phase="accepted", text=text[:1000], model_file=str(path)))
+        return self._state
+
+    def _upload(self, model: ArmModel, why: str) -> str:
+        """What became of the model in the blocks; it is kept in any case."""
+        bus = self._service.bus
+        try:
+            seen = bus.ask(ARM_UPLOAD, None, JointUpload).version
+            answer = bus.ask(ARM_UPLOAD, JointUploadRequest(NAME, why[:1000], seen, model), JointUpload)
+        except CommunicationError as error:
+            log.warning("%s", error)
+            return f"not uploaded: {error}"
+        return f"on trial in the blocks as version {answer.version} of their model"
+
+    def _enter(self, state: IdentificationState) -> None:
+        if state.phase != self._state.phase or state.samples == 0:
+            self._tell(Event(self._time, EventKind.IDENTIFICATION, f"{state.phase}: {state.text}"[:1000]))
+        self._state = state
+        self._publish(state)
+        log.info("%s: %s", state.phase, state.text)
+
+
+def _short(name: str, names: dict[str, str]) -> str:
+    """A name that begins with the number of the joint or link, as any length would not pass on the bus."""
+    owner = next((each for each in sorted(names, key=len, reverse=True) if name.startswith(f"{each} ")), "")
+    return f"{names[owner]}{name.removeprefix(owner)}"[:32] if owner else name[:32]
+
+
+if __name__ == "__main__":
+    sys.exit(main(NAME, Options))

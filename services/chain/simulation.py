@@ -1,0 +1,199 @@
+"""Lets the running blocks of an arm of n joints reckon with another model: checked on the twin, on trial, versioned.
+
+A model that the blocks have forgotten, because others are in their place, is given to them again.
+"""
+
+from __future__ import annotations
+
+import logging
+import sys
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Final
+
+from dtwin.arm.model import ArmModel
+from dtwin.bus.chain.messages import JointAdjustment, JointModel, JointTicks, JointUpload, JointUploadRequest
+from dtwin.bus.messages import ADJUSTED, ARM_ROLL_BACK, ARM_UPLOAD, EVENTS, JOINT_TICKS, MODEL
+from dtwin.bus.session import Bus
+from dtwin.bus.twin_messages import RollBackRequest
+from dtwin.errors import CommunicationError, DtwinError, ParameterError
+from dtwin.run.chain import ChainSettings
+from dtwin.services.chain.options import ArmCellOptions
+from dtwin.services.parts.readiness.preparation import prepare
+from dtwin.services.service import Link, Service, main
+from dtwin.signals import Event, EventKind
+from dtwin.simulation.chain.checks import expected_tracking
+from dtwin.simulation.chain.history import ArmEntry, ArmHistory
+from dtwin.simulation.chain.upload import ArmUploads
+from dtwin.simulation.history import HISTORY
+
+log = logging.getLogger(__name__)
+
+NAME: Final = "simulation"
+WAIT: Final = 0.2
+"""Longest wait for a tick before the status is looked after, s."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options(ArmCellOptions, Link):
+    """Upload models to the blocks of a running arm."""
+
+    history: Path = HISTORY
+    """File for the history of the models."""
+
+    def run(self) -> int:
+        settings = self.settings()
+        with Service(NAME, self) as service:
+            Uploading(service, settings, ArmHistory(self.history)).run()
+        return 0
+
+
+class BridgePort:
+    """The running blocks as uploads see them: through the bridge, which alone talks to them.
+
+    Args:
+        bus: session of this service.
+    """
+
+    def __init__(self, bus: Bus) -> None:
+        self._bus = bus
+
+    def send(self, who: str, why: str, model: ArmModel) -> None:
+        """Raises CommunicationError when the bridge does not answer, or refuses."""
+        self._bus.ask(MODEL, JointModel(who, why[:1000], model), JointModel)
+
+    def read_back(self) -> ArmModel:
+        """Raises CommunicationError when the bridge does not answer."""
+        return self._bus.ask(MODEL, None, JointModel).model
+
+
+class Uploading:
+    """One upload after another.
+
+    Args:
+        service: frame of the service.
+        settings: run of the arm.
+        history: history of the models.
+    """
+
+    def __init__(self, service: Service, settings: ChainSettings, history: ArmHistory) -> None:
+        self._service = service
+        self._settings = settings
+        self._history = history
+        self._uploads: ArmUploads | None = None
+        self._lock = threading.Lock()
+        self._offset = (0.0,) * len(settings.arm)
+        self._time = 0.0
+        self._done = 0
+        bus = service.bus
+        self._publish: Callable[[Event], None] = bus.publisher(EVENTS)
+        bus.subscribe(JOINT_TICKS, JointTicks, service.inbox.put)
+        bus.subscribe(ADJUSTED, JointAdjustment, service.inbox.put)
+        bus.answer(ARM_UPLOAD, JointUploadRequest, self._answer, self._now)
+        bus.answer(ARM_ROLL_BACK, RollBackRequest, self._roll_back, self._now)
+
+    def run(self) -> None:
+        """Works until it is asked to end."""
+        service = self._service
+        check = partial(expected_tracking, self._settings)
+        prepare(service, [("the checks of models", partial(check, ArmModel.of(self._settings.arm)))])
+        while self._uploads is None and not service.stopping:
+            try:
+                self._uploads = ArmUploads(BridgePort(service.bus), self._history, check)
+            except CommunicationError as error:
+                log.info("%s", error)
+                service.next(WAIT)
+            if service.report_due():
+                service.report("waiting")
+        service.ready()
+        while not service.stopping:
+            item = service.next(WAIT)
+            if isinstance(item, JointTicks):
+                self._judge(item)
+            elif isinstance(item, JointAdjustment):
+                self._offset = item.offset
+            if service.report_due():
+                self._look_again()
+                service.report("running", self._done, time=self._time)
+
+    def _judge(self, passed: JointTicks) -> None:
+        self._time = passed.ticks[-1].sensors.time
+        for tick in passed.ticks:
+            sensors = tick.sensors
+            if len(sensors.theta) != len(self._offset):
+                return
+            measured = tuple(a - b for a, b in zip(sensors.theta, self._offset, strict=True))
+            entry = None
+            with self._lock:
+                if self._uploads is not None and self._uploads.on_trial:
+                    try:
+                        if tick.acted.sequence != sensors.sequence:  # a command for an earlier sample acts on
+                            self._uploads.miss(sensors.time)
+                            continue
+                        entry = self._uploads.observe(sensors.time, tick.acted.target, measured)
+                    except DtwinError as error:
+                        log.error("%s", error)
+            if entry is not None:
+                self._tell(entry)
+
+    def _look_again(self) -> None:
+        with self._lock:
+            try:
+                if self._uploads is not None and self._uploads.look_again():
+                    text = f"the blocks have got version {self._uploads.version} of their model again"
+                    self._publish(Event(self._time, EventKind.RESTORED, text))
+            except DtwinError as error:
+                log.warning("%s", error)
+
+    def _now(self) -> JointUpload:
+        return _told(self._there())
+
+    def _answer(self, asked: JointUploadRequest) -> JointUpload:
+        """Answers on a thread of its own: a check may take longer than a tick."""
+        uploads = self._there()
+        if (asked.model is None) == (asked.version is None):
+            raise ParameterError("upload: expected either a model or the version of an earlier one")
+        with self._lock:
+            model = asked.model or uploads.earlier(asked.version or 0)
+            return self._changed(lambda: uploads.upload(asked.who, asked.why, asked.based_on, model, self._time))
+
+    def _roll_back(self, asked: RollBackRequest) -> JointUpload:
+        uploads = self._there()
+        with self._lock:
+            return self._changed(lambda: uploads.roll_back(asked.who, asked.why, self._time))
+
+    def _changed(self, action: Callable[[], ArmEntry]) -> JointUpload:
+        uploads = self._there()
+        before = uploads.last
+        try:
+            action()
+        finally:
+            if uploads.last is not before:
+                self._tell(uploads.last)
+        return _told(uploads)
+
+    def _there(self) -> ArmUploads:
+        if self._uploads is None:
+            raise CommunicationError("the simulation service is not ready yet: `dtwin status` shows what it does")
+        return self._uploads
+
+    def _tell(self, entry: ArmEntry) -> None:
+        self._done += 1
+        text = f"version {entry.version} of the model: {entry.text or entry.why}"
+        log.info("%s: %s", entry.action, text)
+        self._publish(Event(entry.time, EventKind(entry.action), text[:1000]))
+
+
+def _told(uploads: ArmUploads) -> JointUpload:
+    last = uploads.last
+    text = last.text or last.why
+    return JointUpload(
+        last.version, last.time, last.action, text, uploads.on_trial, last.model, last.predicted, last.measured
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main(NAME, Options))

@@ -1,0 +1,150 @@
+"""Uploads of models to the blocks of an arm: checked, tried, taken back, and what outlives the end of a process."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dtwin.arm.model import ArmModel
+from dtwin.arm.modelled import with_model
+from dtwin.controller.chain.application import Control, inputs
+from dtwin.controller.chain.embedded import ChainController
+from dtwin.controller.chain.model import model_inputs
+from dtwin.emulation.chain.arms import arm_of
+from dtwin.emulation.chain.machine import drawn
+from dtwin.equations.rigid import usual_inertia
+from dtwin.errors import CommunicationError, ParameterError
+from dtwin.run.arm_cell import ArmCell
+from dtwin.simulation.chain.checks import expected_tracking
+from dtwin.simulation.chain.history import ArmHistory
+from dtwin.simulation.chain.upload import ArmUploads
+
+ARM = arm_of("planar-2r")
+SHEET = ArmModel.of(ARM)
+OTHER = ArmModel.of(drawn(ARM, 7))
+EXPECTED = (0.01, 0.02)
+
+
+class FakeBlocks:
+    """Blocks that take what they are told, or nothing."""
+
+    def __init__(self) -> None:
+        self.model = SHEET
+        self.deaf = False
+
+    def send(self, who: str, why: str, model: ArmModel) -> None:
+        if self.deaf:
+            raise CommunicationError("no answer")
+        self.model = model
+
+    def read_back(self) -> ArmModel:
+        return self.model
+
+
+def uploads(path: Path, blocks: FakeBlocks) -> ArmUploads:
+    return ArmUploads(blocks, ArmHistory(path / "history.jsonl"), lambda model: EXPECTED)
+
+
+def moved(found: ArmUploads, begin: float, error: float, seconds: float = 20.0) -> list[str]:
+    """Lets the arm go to and fro, 2 s of way and 1 s of rest, that far from its path; actions of the entries."""
+    actions: list[str] = []
+    for k in range(round(100 * seconds)):
+        phase = (k / 100) % 3.0
+        target = (min(phase, 2.0), 0.0)
+        entry = found.observe(begin + k / 100, target, (target[0] + error, target[1]))
+        if entry is not None:
+            actions.append(entry.action)
+    return actions
+
+
+def test_a_model_that_tracks_as_predicted_is_confirmed(tmp_path: Path) -> None:
+    blocks = FakeBlocks()
+    found = uploads(tmp_path, blocks)
+    entry = found.upload("ann", "identified", 1, OTHER, 5.0)
+    assert (entry.version, entry.predicted, blocks.model) == (2, EXPECTED, OTHER)
+    assert moved(found, 5.0, 0.005) == ["confirm"]
+    assert [e.action for e in ArmHistory(tmp_path / "history.jsonl").entries()] == ["start", "upload", "confirm"]
+    assert found.last.measured == pytest.approx((0.005, 0.0))
+
+
+def test_a_model_that_tracks_worse_is_taken_back(tmp_path: Path) -> None:
+    blocks = FakeBlocks()
+    found = uploads(tmp_path, blocks)
+    found.upload("ann", "wrong", 1, OTHER, 5.0)
+    assert moved(found, 5.0, 0.2) == ["roll back"]
+    assert blocks.model == SHEET
+    assert (found.version, "joint 1 is 0.2 rad from its path" in found.last.why) == (3, True)
+
+
+def test_late_commands_tell_nothing_of_a_model(tmp_path: Path) -> None:
+    blocks = FakeBlocks()
+    found = uploads(tmp_path, blocks)
+    found.upload("ann", "identified", 1, OTHER, 5.0)
+    moved(found, 5.0, 0.005, 5.0)
+    for k in range(50):
+        found.miss(10.0 + k / 100)
+    assert found.on_trial
+    assert moved(found, 10.5, 0.005) == ["confirm"]
+
+
+def test_what_must_not_be_uploaded_is_refused_and_noted(tmp_path: Path) -> None:
+    blocks = FakeBlocks()
+    found = uploads(tmp_path, blocks)
+    with pytest.raises(ParameterError, match="expected version 1, got 4"):
+        found.upload("ann", "late", 4, OTHER, 1.0)
+    found.upload("ann", "first", 1, OTHER, 2.0)
+    with pytest.raises(ParameterError, match="version 2 is on trial"):
+        found.upload("bob", "second", 2, SHEET, 3.0)
+    assert found.roll_back("ann", "by hand", 4.0).version == 3
+    with pytest.raises(ParameterError, match="nothing is on trial"):
+        found.roll_back("ann", "again", 5.0)
+    assert found.earlier(2) == OTHER
+    with pytest.raises(ParameterError, match="version 9: expected one of the history, 1 to 3"):
+        found.earlier(9)
+    actions = [e.action for e in ArmHistory(tmp_path / "history.jsonl").entries()]
+    assert actions == ["start", "refuse", "upload", "refuse", "roll back"]
+
+
+def test_blocks_that_refuse_or_forget_do_not_part_from_the_history(tmp_path: Path) -> None:
+    blocks = FakeBlocks()
+    found = uploads(tmp_path, blocks)
+    blocks.deaf = True
+    with pytest.raises(CommunicationError):
+        found.upload("ann", "deaf", 1, OTHER, 1.0)
+    assert (found.model, found.on_trial) == (SHEET, False)
+    blocks.deaf = False
+    found.upload("ann", "again", found.version, OTHER, 2.0)
+    assert not found.look_again()
+    blocks.model = SHEET  # others are in their place
+    assert found.look_again()
+    assert blocks.model == OTHER
+
+
+def test_a_trial_that_the_end_of_a_process_cut_short_is_taken_up(tmp_path: Path) -> None:
+    blocks = FakeBlocks()
+    uploads(tmp_path, blocks).upload("ann", "identified", 1, OTHER, 5.0)
+    again = uploads(tmp_path, blocks)
+    assert (again.version, again.on_trial) == (2, True)
+    assert moved(again, 9.0, 0.2) == ["roll back"]
+    assert blocks.model == SHEET
+
+
+def test_blocks_that_get_a_model_answer_as_blocks_that_were_made_with_it() -> None:
+    arm = arm_of("six-axis")
+    other = with_model(arm, ArmModel.of(drawn(arm, 3)))
+    control, inertia = Control(), usual_inertia(other)
+    told = ChainController(len(arm), inputs(arm, usual_inertia(arm), control, None))
+    made = ChainController(len(arm), inputs(other, inertia, control, None))
+    told.reckon_with(model_inputs(other, inertia))
+    generator = np.random.default_rng(1)
+    q = np.zeros(len(arm))
+    for _ in range(50):
+        q = q + 1e-3 * generator.standard_normal(len(arm))
+        assert told.step(q.tolist()) == made.step(q.tolist())
+
+
+def test_the_twin_expects_an_arm_to_follow_its_path_and_refuses_what_its_drives_cannot_do() -> None:
+    settings = ArmCell(arm="planar-2r", machine="nominal").settings(10.0)
+    expected = expected_tracking(settings, SHEET)
+    assert len(expected) == 2
+    assert 0.0 < max(expected) < 0.05
