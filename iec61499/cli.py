@@ -1,4 +1,4 @@
-"""The `fb` command: checks, tests, lays out, prints and watches function blocks without a cell."""
+"""The `fb` command: checks, tests, lays out, compares, runs, deploys and watches function blocks without a cell."""
 
 from __future__ import annotations
 
@@ -12,9 +12,12 @@ import tyro
 from iec61499 import __version__
 from iec61499.commands.check import FbCheck
 from iec61499.commands.comparing import FbOutline
+from iec61499.commands.deploying import FbDeploy, FbDiff, FbExport
 from iec61499.commands.devices import FbForce, FbStart, FbStop, FbTrigger, FbWatch
 from iec61499.commands.formatting import FbFormat
+from iec61499.commands.running import FbRun
 from iec61499.commands.testing import FbTest
+from iec61499.commands.tracing import FbReplay, FbTrace
 from iec61499.errors import ToolError
 from iec61499.output import printable
 
@@ -23,11 +26,17 @@ COMMANDS: Final[dict[str, Any]] = {
     "test": FbTest,
     "format": FbFormat,
     "outline": FbOutline,
+    "diff": FbDiff,
+    "run": FbRun,
+    "deploy": FbDeploy,
+    "export": FbExport,
     "watch": FbWatch,
     "force": FbForce,
     "trigger": FbTrigger,
     "start": FbStart,
     "stop": FbStop,
+    "trace": FbTrace,
+    "replay": FbReplay,
 }
 
 
@@ -40,7 +49,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 0
     try:
         command: Any = tyro.extras.subcommand_cli_from_dict(
-            COMMANDS, prog="fb", description="Check, test, lay out and watch IEC 61499 function blocks.", args=words
+            COMMANDS,
+            prog="fb",
+            description="Check, test, lay out, run, deploy and watch IEC 61499 function blocks.",
+            args=words,
         )
         status: int = command.execute()
         return status

@@ -142,6 +142,12 @@ class Library:
                 return structure_block(name, found_type)
         standard = find_standard(name)
         path = self._file("block", name)
+        if structure is not None and path is None and standard is None:
+            raise FunctionBlockError(
+                f"unknown structure {structure[2]} of {name}: expected a file {structure[2]}.dtp; {self._searched()}",
+                file,
+                line,
+            )
         found = self._read(path, standard is not None) if path is not None else None
         if found is not None:
             if found.header.name != name:
@@ -216,9 +222,15 @@ class Library:
         return None
 
     def absence(self, name: str) -> str:
-        """Why there is no constant of that name; "" for one without a namespace that no file here declares."""
+        """Why there is no constant of that name, or no function that Structured Text may call.
+
+        It is "" for a name without a namespace that no file here declares.
+        """
         before, _, plain = name.rpartition("::")
         namespace = before.rpartition("::")[2]
+        function = next(iter(self._files["block"].get(plain, ())), None)
+        if function is not None and function.suffix.lower() == ".fct":
+            return f"calls of function types are not supported in Structured Text: {function}"
         if namespace in self._files["constants"]:
             return f"{self._files['constants'][namespace][0]} declares no {plain}"
         if namespace:
@@ -257,8 +269,10 @@ class Library:
         known = sorted({*self._files["block"], *standard_names()})
         close = difflib.get_close_matches(name, known, n=3, cutoff=0.6)
         expected = f"expected {choices(close)}" if close else f"expected one of {choices(known[:20])}, ..."
-        folders = choices([str(path) for path in self._paths]) if self._paths else "no folder"
-        return f"{expected}; searched {folders} and the standard blocks"
+        return f"{expected}; {self._searched()} and the standard blocks"
+
+    def _searched(self) -> str:
+        return f"searched {choices([str(path) for path in self._paths]) if self._paths else 'no folder'}"
 
     def load_system(self, path: Path, acknowledged: bool = False) -> model.System:
         """Reads a system configuration (.sys); connections between resources get communication blocks.

@@ -46,7 +46,9 @@ GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
             "blocks.device", "FbRun", "serve function blocks as a device that management can build on"
         ),
         "fb deploy": Subcommand("blocks.library", "FbDeploy", "build a system on a device"),
-        "fb diff": Subcommand("blocks.library", "FbDiff", "compare files, projects, or a device with a system"),
+        "fb diff": Subcommand(
+            "iec61499.commands.deploying", "FbDiff", "compare files, projects, or a device with a system"
+        ),
         "fb trace": Subcommand("blocks.trace", "FbTrace", "record the events of a run or a device with their data"),
         "fb replay": Subcommand("blocks.trace", "FbReplay", "repeat a trace; stop at the first event that differs"),
         "fb watch": Subcommand("iec61499.commands.devices", "FbWatch", "read values and counts of running devices"),

@@ -87,18 +87,13 @@ def _one(clients: Clients, name: str, has: Callable[[Place], bool]) -> Place:
 
 
 def _places(clients: Clients, name: str) -> Iterator[Place]:
-    """What a name may mean."""
+    """What a name may mean: an application may be called as a device or a resource."""
     for device, client in clients.items():
-        inner = name.removeprefix(f"{device}.") if device else name
-        if name.partition(".")[0] in clients and inner == name:
-            continue  # it is on another device
-        resources = [each.name for each in client.blocks("")]
-        first, _, rest = inner.partition(".")
-        for resource in resources:
-            if first == resource and rest:
-                yield Place(client, resource, rest, name)
-            elif first not in resources or "." not in rest:
-                yield Place(client, resource, inner, name)
+        for resource in [each.name for each in client.blocks("")]:
+            yield Place(client, resource, name, name)
+            for before in (f"{resource}.", f"{device}.", f"{device}.{resource}."):
+                if len(before) > 1 and name.startswith(before):
+                    yield Place(client, resource, name.removeprefix(before), name)
 
 
 def _has_port(place: Place) -> bool:

@@ -14,6 +14,7 @@ from iec61499.files.xml import XmlElement
 
 _NETWORK_PARTS: Final = (
     *("FB", "SubApp", "EventConnections", "DataConnections", "AdapterConnections"),
+    *("Frame", "Input", "Output"),  # where EcoStruxure Automation Expert draws rectangles and the ports around
     *PASSED_OVER,
 )
 

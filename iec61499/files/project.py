@@ -18,6 +18,8 @@ from iec61499.files.xml import XmlElement, read_xml
 PROJECT: Final = ".project"
 MANIFEST: Final = "MANIFEST.MF"
 """File that names the libraries which a project or a library needs."""
+FOREIGN: Final = "*.dfbproj"
+"""File of a project of EcoStruxure Automation Expert, in the folder of its types."""
 _FOLDER: Final = "2"
 _SYMBOL: Final = re.compile(r"[\w.-]+", re.ASCII)
 TAGS: Final = "virtualDNS.dns"
@@ -29,15 +31,20 @@ _PARENT: Final = re.compile(r"PARENT-(\d)-PROJECT_LOC")
 def project_of(file: Path, given: Iterable[Path] = ()) -> Path:
     """The folder whose types a file may use.
 
-    It is the nearest one above with a project or a library of 4diac IDE; else the one of `given` that holds the file;
-    else its own.
+    It is the nearest one above with a project or a library of 4diac IDE, or with a project of EcoStruxure Automation
+    Expert; else the one of `given` that holds the file; else its own.
     """
     folders = file.resolve().parents
-    marked = next((each for each in folders if any((each / name).is_file() for name in (PROJECT, MANIFEST))), None)
+    marked = next((each for each in folders if _is_marked(each)), None)
     if marked is not None:
         return marked
     around = {each.resolve(): each for each in given}
     return next((around[each] for each in reversed(folders) if each in around), file.parent)
+
+
+def _is_marked(folder: Path) -> bool:
+    """Whether a folder is the root of a project or a library."""
+    return any((folder / name).is_file() for name in (PROJECT, MANIFEST)) or any(folder.glob(FOREIGN))
 
 
 def linked_folders(project: Path) -> tuple[Path, ...]:

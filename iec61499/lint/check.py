@@ -15,7 +15,7 @@ from iec61499.files.project import project_of
 from iec61499.files.systems import read_system
 from iec61499.inspection import SUFFIXES, Remark, inspect
 from iec61499.library import Library
-from iec61499.lint.findings import DEPARTURE, INVALID, Finding
+from iec61499.lint.findings import DEPARTURE, INVALID, UNSUPPORTED, Finding
 from iec61499.lint.networks import network_findings
 from iec61499.lint.settings import Settings, Suppressions, is_allowed, level_of
 from iec61499.lint.types import type_findings
@@ -80,11 +80,35 @@ def check(
             if isinstance(library, FunctionBlockError)
             else {*_of_file(file, library, target)}
         )
-    kept = [f for f in found if not suppressions.hold(f) and not is_allowed(f, settings)]
+    kept = [f for f in _once(found) if not suppressions.hold(f) and not is_allowed(f, settings)]
     kept += [finding for finding in suppressions.findings() if not is_allowed(finding, settings)]
     order = {str(file): number for number, file in enumerate(files)}
     told = [finding for finding in kept if level_of(finding.rule, settings) != "off"]
-    return sorted(told, key=lambda finding: (finding.rule != INVALID, order.get(finding.file, len(order)), finding))
+    return sorted(
+        told,
+        key=lambda finding: (
+            finding.rule not in (INVALID, UNSUPPORTED),
+            order.get(finding.file, len(order)),
+            finding,
+        ),
+    )
+
+
+_UNSUPPORTED: Final = re.compile(r"\b(?:is|are) not supported\b")
+"""What messages say of that which is right, but cannot run here."""
+_NAMED: Final = re.compile(r"(?:[^\s.:]+\.)*([^\s.:]+[ :].*)", re.DOTALL)
+"""A message that begins with the dotted name of a block inside others."""
+
+
+def _once(found: Iterable[Finding]) -> Iterator[Finding]:
+    """The findings; what a block inside a type lacks is one, however many networks use the type."""
+    told: set[tuple[str, int, int, str, str]] = set()
+    for finding in sorted(found, key=lambda finding: len(finding.message)):
+        named = _NAMED.fullmatch(finding.message) if finding.rule in ("no-such-service", "no-such-protocol") else None
+        place = (finding.file, finding.line, finding.column, finding.rule, named[1] if named else finding.message)
+        if place not in told:
+            told.add(place)
+            yield finding
 
 
 _PLACED: Final = re.compile(r"left out: (.*?):(\d+): (.*)", re.DOTALL)
@@ -100,7 +124,8 @@ def _remark(remark: Remark, file: Path) -> Finding:
 
 def _invalid(error: FunctionBlockError, file: Path, rule: str = INVALID) -> Finding:
     where = (error.file, error.line, error.column) if error.file else (str(file) if rule != INVALID else "", 0, 0)
-    return Finding(*where, rule, error.message)
+    kind = UNSUPPORTED if rule == INVALID and _UNSUPPORTED.search(error.message) else rule
+    return Finding(*where, kind, error.message)
 
 
 def _of_file(file: Path, library: Library, target: Target) -> Iterator[Finding]:

@@ -40,12 +40,14 @@ class Finding:
 
 
 INVALID: Final = "invalid"
+UNSUPPORTED: Final = "not-supported"
 DEPARTURE: Final = "forte-departs"
 REASONLESS: Final = "suppression-without-reason"
 UNUSED_SUPPRESSION: Final = "unused-suppression"
 
 _RULES: Final = (
     Rule(INVALID, "error", "The file is wrong: schema, types, connections, Structured Text. It cannot run."),
+    Rule(UNSUPPORTED, "error", "The file uses what is right elsewhere and is not supported here. It cannot run."),
     Rule("names-differ-in-case", "warning", "An event and a variable have names that differ in case alone."),
     Rule("mapped-nowhere", "warning", "A block or connection of a system that no resource has: it never runs."),
     Rule("start-in-application", "warning", "An application connects START, which each resource has for itself."),

@@ -21,7 +21,8 @@ class BlockChecker:
         self._file = block.header.file
         self._scope: dict[str, DataType] = {}
         interface = block.interface
-        self._absent = dict(block.absent)
+        own = "calls of own algorithms are not supported: expected a state that executes it"
+        self._absent = {**{algorithm.name: own for algorithm in block.algorithms}, **dict(block.absent)}
         self._constants: dict[str, tuple[DataType, Any]] = {}
         for variable in (*interface.inputs, *interface.outputs, *block.internals, *block.constants):
             assert not isinstance(variable.type, model.GenericType)

@@ -182,6 +182,8 @@ class _AlgorithmChecker:
         block, steps = blocks.get(access.name.upper()), access.steps
         if block is None and access.name.upper() == "THIS":
             fail(access.at, "calls of own algorithms by THIS are not supported: expected a state that executes them")
+        if block is None and self._scope.reason(access.name):
+            fail(access.at, f"{access.name}: {self._scope.reason(access.name)}")
         if block is None:
             expected = choices([known.name for known in blocks.values()]) if blocks else "none, as there is none"
             fail(access.at, f"unknown block {access.name}: expected {expected}")

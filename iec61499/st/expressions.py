@@ -252,13 +252,13 @@ class ExpressionChecker:
         if name in (CLOCK, "TIME"):
             self._count(at, name, arguments, 0, 0)
             return typed.Call(at, TIME, CLOCK, ())
-        if name in CLOCK_UNITS:
+        if name in CLOCK_UNITS and not self._scope.reason(name):
             self._count(at, name, arguments, 0, 0)
             count = typed.Cast(at, ULINT, typed.Call(at, TIME, CLOCK, ()), CLOCK_UNITS[name])
             return typed.Cast(at, DWORD, count, "to")
         function = FUNCTIONS.get(name)
         if function is None:
-            fail(at, f"unknown function {name}: expected {instead_of(name)}")
+            fail(at, self._scope.reason(name) or f"unknown function {name}: expected {instead_of(name)}")
         arguments, result = self._arguments(at, name, function, arguments)
         if name == "MOVE":
             return arguments[0]

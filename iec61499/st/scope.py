@@ -164,6 +164,10 @@ class Scope:
             data_type = data_type.element
         return Place(name, data_type, tuple(indices), tuple(aggregates))
 
+    def reason(self, name: str) -> str:
+        """Why nothing of that name can be called here; "" when nothing is known of it."""
+        return self._absent.get(name.upper(), "")
+
     def _variable(
         self, access: ast.VariableAccess
     ) -> tuple[str, DataType, tuple[ast.Expression | ast.Member | ast.Part, ...]]:

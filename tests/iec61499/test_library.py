@@ -52,3 +52,9 @@ def test_types_of_a_folder_hide_standard_blocks_if_they_do_something(write: Writ
     assert library.find("FB_RANDOM").interface.inputs[0].name == "SEED"
     assert library.find("E_SWITCH").interface.event_inputs[0].name == "REQ"
     assert library.find("E_DELAY").interface.event_inputs[0].name == "START"
+
+
+def test_a_block_of_a_structure_that_is_not_there_names_the_structure(tmp_path: Path) -> None:
+    message = r"a\.sys:3: unknown structure POINT of STRUCT_DEMUX_1POINT: expected a file POINT\.dtp; searched "
+    with pytest.raises(FunctionBlockError, match=message):
+        Library([tmp_path]).find("STRUCT_DEMUX_1POINT", "a.sys", 3)

@@ -20,6 +20,11 @@ NO_FORTE_NATIVE: Final = (
     "set FORTE_NATIVE to the path of a 4diac FORTE binary, built with what `dtwin fb export --format forte` writes "
     "as docs/forte.md says, to run this; several paths with : between them"
 )
+FORTE_OPCUA: Final = os.environ.get("FORTE_OPCUA", "")
+NO_FORTE_OPCUA: Final = (
+    "set FORTE_OPCUA to the path of a 4diac FORTE binary, built with FORTE_COM_OPC_UA as docs/connections.md says, "
+    "to run this"
+)
 FORTES: Final = (
     pytest.param(FORTE, id="forte", marks=pytest.mark.skipif(not FORTE, reason=NO_FORTE)),
     *(

@@ -2,31 +2,20 @@
 
 from __future__ import annotations
 
-import time
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
 import tyro
 
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.ports import BLOCKS, SYSTEM
-from dtwin.errors import ParameterError, choices
 from dtwin.run.cell import Cell
 from dtwin.run.settings import CellSettings, sequence_of
-from dtwin.terminal import printable
-from iec61499.deploy.watched_trace import ResourceBlocks, WatchedEvents, resource_blocks
-from iec61499.library import Library
-from iec61499.management.client import ManagementClient
-from iec61499.mapping import resource_network
-from iec61499.net.address import parse_stream_address
-from iec61499.trace.ctf import TraceWriter, read_trace
-from iec61499.trace.replay import replay
+from iec61499.commands import tracing
 
 
 @dataclass(frozen=True)
-class FbTrace:
+class FbTrace(tracing.FbTrace):
     """Record events with their data, in the Common Trace Format: of a run of the cell, or of a running device.
 
     babeltrace2 FOLDER shows the trace. That of a run has every event, and `dtwin fb replay FOLDER` repeats it.
@@ -45,37 +34,14 @@ class FbTrace:
     """Time to record, s: plant time of a run, time of the clock of a device, where Ctrl-C ends it sooner."""
     seed: int = 1
     """Number of the random generator of boxes and noise of a run."""
-    size: Annotated[int, tyro.conf.arg(metavar="MB")] = 200
-    """Most megabytes of the trace; when it is full the oldest events give way, and are counted."""
-    interval: float = 0.01
-    """Time between two readings of a device, s."""
-    resource: str = ""
-    """Resource of the device; needed only if it has several."""
-    only: tuple[str, ...] = ()
-    """Blocks of the device to record; without it all, as far as the device has room for watches."""
     blocks: Path = BLOCKS
     """Folder of the block types that the device has."""
 
     def execute(self) -> int:
-        if self.size < 1:
-            raise ParameterError(f"--size: expected at least 1 MB, got {self.size}")
-        if not 0.001 <= self.interval < float("inf"):
-            raise ParameterError(f"--interval: expected at least 0.001 s, got {self.interval}")
-        if self.what == "run":
-            writer = TraceWriter(self.folder, {"system": SYSTEM}, self.size * 1_000_000)
-            self._record_run(writer)
-        else:
-            with ManagementClient(parse_stream_address(self.what)) as client:
-                resource = self._resource(client)
-                blocks = resource_blocks(client, resource, Library([self.blocks])).only(self.only)
-                writer = TraceWriter(self.folder, {"device": self.what, "resource": resource}, self.size * 1_000_000)
-                self._record_device(client, resource, blocks, writer)
-        print(printable(f"{self.folder}: {writer.written} records"))
-        if writer.dropped:
-            print(f"the trace was full: the first {writer.dropped} records are left out")
-        return 0
-
-    def _record_run(self, writer: TraceWriter) -> None:
+        if self.what != "run":
+            return super().execute()
+        self.check()
+        writer = self.writer({"system": SYSTEM})
         settings = CellSettings(self.duration, self.seed)
         try:
             sequence = sequence_of(settings)
@@ -83,65 +49,13 @@ class FbTrace:
             Cell(settings, controller).run()
         finally:
             writer.close()
-
-    def _record_device(
-        self, client: ManagementClient, resource: str, blocks: ResourceBlocks, writer: TraceWriter
-    ) -> None:
-        try:
-            watched = WatchedEvents(client, resource, blocks, writer)
-            for problem, names in (("has no known type", blocks.unknown), ("is not watched", watched.refused)):
-                if names:
-                    more = f" and {len(names) - 3} more" if len(names) > 3 else ""
-                    print(printable(f"{', '.join(names[:3])}{more} {problem}"), flush=True)
-            came = 0
-            began = time.monotonic()
-            with suppress(KeyboardInterrupt):
-                while time.monotonic() - began < self.duration:
-                    came += watched.read(time.monotonic_ns() - int(began * 1e9))
-                    time.sleep(self.interval)
-            watched.close()
-            print(f"{came} events")
-        finally:
-            writer.close()
-
-    def _resource(self, client: ManagementClient) -> str:
-        names = [block.name for block in client.blocks("")]
-        if self.resource in names:
-            return self.resource
-        if self.resource or len(names) != 1:
-            valid = choices(names) if names else "a device on which something is built"
-            raise ParameterError(f"--resource {self.resource or '?'}: expected {valid}")
-        return names[0]
+        self.tell(writer)
+        return 0
 
 
 @dataclass(frozen=True)
-class FbReplay:
-    """Repeat a trace: the network gets what its service interface blocks issued then, and must do the same again.
+class FbReplay(tracing.FbReplay):
+    __doc__ = tracing.FbReplay.__doc__
 
-    Stops at the first event that differs, with exit status 1, or where a chart enters a state. Constants that are
-    others than in the trace are listed.
-    """
-
-    folder: tyro.conf.Positional[Path]
-    """Folder of the trace."""
     system: Path = BLOCKS / SYSTEM
     """System (.sys) that is held against the trace."""
-    resource: str = ""
-    """Resource of the system, DEVICE.RESOURCE; needed only if it has several."""
-    blocks: Path | None = None
-    """Folder of the block types; without it the folder of the system."""
-    until: str = ""
-    """BLOCK.STATE of a chart: the replay stops when the chart is in it for the first time."""
-
-    def execute(self) -> int:
-        library = Library([self.blocks or self.system.parent])
-        network = resource_network(library.load_system(self.system), self.resource)
-        found = replay(read_trace(self.folder), network, library, self.until)
-        for name, then, now in found.constants:
-            print(printable(f"{name} begins with {now!r}, in the trace with {then!r}"))
-        stop = found.stop
-        if stop is None:
-            print(f"{found.count} events, all equal")
-            return 0
-        print(printable(f"event {stop.count + 1} at {stop.time / 1e9:.6f} s, {stop.event}: {stop.reason}"))
-        return 0 if stop.is_breakpoint else 1

@@ -61,6 +61,19 @@ def test_all_devices_of_a_system_are_watched(system: Path, capsys: pytest.Captur
     assert "LEFT.NONE.CV: no such block or port" in capsys.readouterr().err
 
 
+def test_an_application_may_be_called_as_its_device(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    device = ServedDevice(Library(), ANY_PORT)
+    device.start()
+    with device.client() as client:
+        build(client, "R", "PUMP.N E_CTU PV=5")
+        client.start("R")
+    file = tmp_path / "s.sys"
+    file.write_text(SYSTEM.replace("DEVICES", DEVICE.format("PUMP", device.management.address.port)))
+    names = ("PUMP.N.PV", "PUMP.PUMP.N.PV", "R.PUMP.N.PV", "PUMP.R.PUMP.N.PV")
+    assert said(capsys, "watch", file, *names, "--count", 1)[1] == "5\t5\t5\t5"
+    device.stop()
+
+
 def test_a_forced_value_has_a_mark_and_an_end(system: Path, capsys: pytest.CaptureFixture[str]) -> None:
     seen: list[str] = []
 

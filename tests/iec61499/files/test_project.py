@@ -203,6 +203,19 @@ def test_a_file_in_no_project_has_the_types_of_the_folder_given(tmp_path: Path) 
     assert check([file], None, "embedded", Settings(), [tmp_path]) == []
 
 
+def test_the_types_of_a_foreign_project_are_beside_its_file_and_what_it_draws_is_no_part(tmp_path: Path) -> None:
+    (tmp_path / "Plant.dfbproj").write_text("<Project/>")
+    file = tmp_path / "System" / "System.sys"
+    file.parent.mkdir()
+    drawn = '<Frame Name="F"/><Input Name="REQ" x="1" y="2"/><Output Name="CNF"/>'
+    file.write_text(SYSTEM.replace("plant::LIMITS::HIGH", "LIMITS::HIGH").replace("<FB Name", f"{drawn}<FB Name", 1))
+    (tmp_path / "DOUBLE.fbt").write_text(DOUBLE)
+    (tmp_path / "LIMITS.gcf").write_text(LIMITS)
+    assert project_of(file) == tmp_path
+    names = [block.name for block in resource_network(Library([tmp_path]).load_system(file)).blocks]
+    assert names == ["START", "D", "E"]
+
+
 def test_constants_inside_lists_and_structures_are_those_that_are_imported(tmp_path: Path) -> None:
     (tmp_path / "LIMITS.gcf").write_text(LIMITS)
     values = "[1, HIGH, INT#3]"

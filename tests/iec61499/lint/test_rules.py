@@ -135,6 +135,36 @@ def test_a_type_of_hardware_is_right_and_does_not_run(tmp_path: Path) -> None:
     assert found_in(tmp_path, text) == {"no-such-service": 1}
 
 
+def test_what_a_block_inside_lacks_is_told_once(tmp_path: Path) -> None:
+    empty = "<InterfaceList><EventInputs><Event Name='GO'/></EventInputs></InterfaceList>"
+    (tmp_path / "HARD.fbt").write_text(f'<FBType Name="HARD">{empty}</FBType>')
+    files = []
+    for name, inner in (("LOW", "HARD"), ("MIDDLE", "LOW"), ("HIGH", "MIDDLE")):
+        files.append(tmp_path / f"{name}.fbt")
+        wire = '<EventConnections><Connection Source="GO" Destination="B.GO"/></EventConnections>'
+        network = f'<FBNetwork><FB Name="B" Type="{inner}"/>{wire}</FBNetwork>'
+        files[-1].write_text(f'<FBType Name="{name}">{empty}{network}</FBType>')
+    found = check(files, tmp_path, "embedded", Settings())
+    assert [(Path(f.file).name, f.rule, f.message.partition(" ")[0]) for f in found] == [
+        ("LOW.fbt", "no-such-service", "LOW.B")
+    ]
+
+
+def test_what_is_right_elsewhere_is_told_as_not_supported(tmp_path: Path) -> None:
+    (tmp_path / "HALF.fct").write_text(
+        '<Function Name="HALF"><InterfaceList><EventInputs><Event Name="REQ"><With Var="X"/></Event></EventInputs>'
+        '<EventOutputs><Event Name="CNF"><With Var=""/></Event></EventOutputs>'
+        '<InputVars><VarDeclaration Name="X" Type="DINT"/></InputVars>'
+        '<OutputVars><VarDeclaration Name="" Type="DINT"/></OutputVars></InterfaceList><FunctionBody>'
+        "<ST>FUNCTION HALF : DINT\nVAR_INPUT\nX : DINT;\nEND_VAR\nHALF := X / 2;\nEND_FUNCTION</ST>"
+        "</FunctionBody></Function>"
+    )
+    for code in ("B := HALF(B);", "WORK();", "THIS.WORK();"):
+        text = type_with({"CODE": code})
+        assert found_in(tmp_path, text) == {"not-supported": 14}, code
+    assert found_in(tmp_path, type_with({"CODE": "B := WHOLE(B);"})) == {"invalid": 14}
+
+
 def test_a_connection_that_is_drawn_twice_is_told_and_runs_once(tmp_path: Path) -> None:
     data = '<Connection Source="M.OUT" Destination="N.IN"/>\n' * 2
     text = f"""<FBType Name="T"><InterfaceList><EventInputs><Event Name="GO"/></EventInputs></InterfaceList>

@@ -137,6 +137,12 @@ def _silent(system: model.System, blocks: set[str], found: Findings) -> Iterator
                 yield f"{application.name}.{block.name}"
 
 
+def _called(file: Path, folders: tuple[Path, ...]) -> str:
+    """The project of a system, as its folder below those given is called, and its file."""
+    inside = next(file.relative_to(folder) for folder in folders if file.is_relative_to(folder))
+    return f"{inside.parts[0]}: {file.name}" if len(inside.parts) > 1 else file.name
+
+
 def _short(text: str, file: Path) -> str:
     return text.replace(f"{file.parent}/", "").replace("\n", " ")[:160]
 
@@ -151,7 +157,7 @@ def main() -> int:
         print("| system | devices | blocks | outcome | reason |\n| --- | --- | --- | --- | --- |")
         for result in results:
             reason = result.reason.replace("|", "\\|") + (f"; SILENT: {result.silent}" if result.silent else "")
-            row = (Path(result.file).name, result.devices, result.blocks, result.outcome, reason)
+            row = (_called(Path(result.file), options.folders), result.devices, result.blocks, result.outcome, reason)
             print(f"| {' | '.join(map(str, row))} |", flush=True)
         totals = Counter(result.outcome for result in results)
         print(f"\n{len(results)} systems: {', '.join(f'{count} {kind}' for kind, count in totals.most_common())}")

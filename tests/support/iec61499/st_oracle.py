@@ -45,8 +45,8 @@ class _Continue(Exception):
     pass
 
 
-class _Return(Exception):
-    pass
+class Return(Exception):
+    """The program has ended early."""
 
 
 @dataclass(frozen=True)
@@ -72,13 +72,15 @@ class _Place:
 
 def left_by(tree: ast.ParsedAlgorithm, types: Mapping[str, DataType], values: Mapping[str, Any]) -> dict[str, Any]:
     """What the program leaves in its variables. Raises Fault."""
-    oracle = _Oracle(types, values)
-    with suppress(_Return):
+    oracle = Oracle(types, values)
+    with suppress(Return):
         oracle.body(tree.body)
     return {name: oracle.data[name] for name in types}
 
 
-class _Oracle:
+class Oracle:
+    """Walks over the tree of a program."""
+
     def __init__(self, types: Mapping[str, DataType], values: Mapping[str, Any]) -> None:
         self.types = types
         self.data = {name: deepcopy(values.get(name, kind.default)) for name, kind in types.items()}
@@ -113,7 +115,7 @@ class _Oracle:
             case ast.Continue():
                 raise _Continue
             case ast.Return():
-                raise _Return
+                raise Return
             case _:
                 raise NotImplementedError(type(node).__name__)
 

@@ -56,7 +56,7 @@ _DEEP: Final[dict[str, DataType]] = {
     "NE": NEST,
     "SB": elementary("STRING[5]"),
 }
-_COUNTERS: Final = ("F1", "F2", "W1", "W2")
+COUNTERS: Final = ("F1", "F2", "W1", "W2")
 
 
 def variables(lua: bool) -> dict[str, DataType]:
@@ -64,7 +64,7 @@ def variables(lua: bool) -> dict[str, DataType]:
     names = SMALL if lua else (*SMALL, *LARGE)
     scope: dict[str, DataType] = {f"{name}{n}": elementary(name) for name in (*names, "STRING") for n in (1, 2)}
     scope |= _ARRAYS if lua else {**_ARRAYS, **_DEEP}
-    return scope | dict.fromkeys(_COUNTERS, elementary("DINT"))
+    return scope | dict.fromkeys(COUNTERS, elementary("DINT"))
 
 
 @dataclass(frozen=True)
@@ -78,14 +78,16 @@ class Program:
 
 def program(seed: int, lua: bool) -> Program:
     """The program of a seed."""
-    return _Maker(random.Random(seed), lua).program()
+    return Maker(random.Random(seed), lua).program()
 
 
-class _Maker:
-    def __init__(self, rng: random.Random, lua: bool) -> None:
+class Maker:
+    """Makes a program; what it is made of is drawn by the methods that are called as the kinds of types."""
+
+    def __init__(self, rng: random.Random, lua: bool, types: dict[str, DataType] | None = None) -> None:
         self.rng = rng
         self.lua = lua
-        self.types = variables(lua)
+        self.types = types or variables(lua)
         self.loops = 0
         self.places: dict[str, list[tuple[str, tuple[tuple[int, int], ...]]]] = {}
         for name, kind in self.types.items():
@@ -95,7 +97,7 @@ class _Maker:
 
     def program(self) -> Program:
         text = "".join(self.statement(2) for _ in range(self.rng.randint(2, 6)))
-        values = {n: self.initial(kind) for n, kind in self.types.items() if n not in _COUNTERS}
+        values = {n: self.initial(kind) for n, kind in self.types.items() if n not in COUNTERS}
         return Program(text, self.types, values)
 
     def initial(self, kind: DataType) -> Any:
@@ -363,7 +365,7 @@ class _Maker:
         names = [name for name in self.places if name.startswith(_SIMPLE) and name != "STRING[5]"]
         name = self.rng.choice(names)
         target = self.place(name, 2)
-        if target in _COUNTERS:
+        if target in COUNTERS:
             return self.assignment()
         if name == "STRING" and not self.lua and self.rng.random() < 0.2:
             target = "SB"
