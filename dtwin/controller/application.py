@@ -12,7 +12,7 @@ import time
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from dtwin.controller.ports import EMULATOR, Port, on_device
+from dtwin.controller.ports import APPLICATION, EMULATOR, Port
 from dtwin.errors import CommunicationError
 from iec61499.literals import format_string, format_typed
 from iec61499.management.client import ManagementClient
@@ -33,13 +33,17 @@ class Application:
 
     Args:
         address: address of device management.
+        application: name of the application, with which the names of its blocks on the device begin.
+        first: block that an application of this kind has, by which it is found.
 
     Raises:
         CommunicationError: the device does not answer, or the application is not there.
     """
 
-    def __init__(self, address: StreamAddress) -> None:
+    def __init__(self, address: StreamAddress, application: str = APPLICATION, first: str = EMULATOR.block) -> None:
         self._address = address
+        self._name = application
+        self._first = first
         self._lock = threading.Lock()
         self._management = ManagementClient(address, TIMEOUT)
         try:
@@ -50,6 +54,10 @@ class Application:
 
     def close(self) -> None:
         self._management.close()
+
+    def _on_device(self, name: str) -> str:
+        """What a block or port of the application is called on a device, as 4diac IDE calls it."""
+        return f"{self._name}.{name}"
 
     @property
     def lost(self) -> bool:
@@ -67,7 +75,7 @@ class Application:
         texts = {}
         for name in names:
             with self._lock:
-                texts[name] = self._management.read(self._resource, on_device(name))
+                texts[name] = self._management.read(self._resource, self._on_device(name))
         return self._numbers(names, texts)
 
     def read_like(self, values: Mapping[str, float | str]) -> dict[str, float | str]:
@@ -80,7 +88,7 @@ class Application:
         found: dict[str, float | str] = dict(zip(numbers, self.read(numbers), strict=True))
         for name in values.keys() - set(numbers):
             with self._lock:
-                found[name] = self._management.read(self._resource, on_device(name)).strip("'")
+                found[name] = self._management.read(self._resource, self._on_device(name)).strip("'")
         return found
 
     def write(self, name: str, value: float | str) -> None:
@@ -90,13 +98,13 @@ class Application:
             CommunicationError: the device does not answer, or refuses.
         """
         with self._lock:
-            self._management.write(self._resource, on_device(name), literal_of(value))
+            self._management.write(self._resource, self._on_device(name), literal_of(value))
 
     def watch(self, names: Sequence[str]) -> None:
         """Adds ports to those that `watched` reads in one request."""
         with self._lock:
             for name in names:
-                self._management.watch(self._resource, on_device(name))
+                self._management.watch(self._resource, self._on_device(name))
 
     def watched(self, names: Sequence[str]) -> list[float]:
         """Values of watched ports in one request.
@@ -106,7 +114,7 @@ class Application:
         """
         with self._lock:
             watched = self._management.watched(self._resource)
-        return self._numbers(names, {name: watched.get(on_device(name), "") for name in names})
+        return self._numbers(names, {name: watched.get(self._on_device(name), "") for name in names})
 
     def _numbers(self, names: Sequence[str], texts: Mapping[str, str]) -> list[float]:
         try:
@@ -122,8 +130,8 @@ class Application:
         """
         number, listens = port.number, "TRUE"
         with self._lock, contextlib.suppress(ManagementError):
-            number = parse_block_id(self._management.read(self._resource, on_device(f"{port.block}.ID"))).port
-            listens = self._management.read(self._resource, on_device(f"{port.block}.QO"))
+            number = parse_block_id(self._management.read(self._resource, self._on_device(f"{port.block}.ID"))).port
+            listens = self._management.read(self._resource, self._on_device(f"{port.block}.QO"))
         if listens != "TRUE":
             raise self._closed(port, number)
         return BlockingClient(self._address._replace(port=number), port.receives, port.sends, TIMEOUT)
@@ -141,7 +149,7 @@ class Application:
         """
         if isinstance(self._address, LocalAddress):
             return
-        name = on_device(port.block)
+        name = self._on_device(port.block)
         with self._lock:
             identity = self._management.read(self._resource, f"{name}.ID")
             try:
@@ -173,7 +181,7 @@ class Application:
 
     def _find_resource(self) -> str:
         """The resource that has the application, by its answer: a FORTE 2 does not list blocks of applications."""
-        block = on_device(EMULATOR.block)
+        block = self._on_device(self._first)
         for resource in self._management.blocks(""):
             if self._management.request(resource.name, "READ", ManagedConnection(f"{block}.QO", ANY)).reason is None:
                 return resource.name

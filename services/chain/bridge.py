@@ -24,6 +24,7 @@ from dtwin.controller.chain.model import model_inputs
 from dtwin.equations.rigid import usual_inertia
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.run.chain import ChainSettings
+from dtwin.services.chain.device import DeviceBlocks
 from dtwin.services.chain.options import ArmCellOptions
 from dtwin.services.parts.stopping.stops import Stops
 from dtwin.services.parts.stopping.watchdog import Watchdog
@@ -31,6 +32,7 @@ from dtwin.services.parts.strides import GAP
 from dtwin.services.service import Link, Service, main
 from dtwin.signals import STOPS, ArmState, Event, EventKind, Stop
 from dtwin.simulation.chain.checks import check_model
+from iec61499.net.address import Address, parse_address
 
 log = logging.getLogger(__name__)
 
@@ -51,11 +53,14 @@ class Options(ArmCellOptions, Link):
     """Wait for slow subscribers, as a lockstep run wants it."""
     monitored: float | None = None
     """Longest silence of the monitoring service while the arm moves, s; then the arm is stopped."""
+    controller: str = ""
+    """HOST:PORT of the device management of a 4diac FORTE that gets the blocks; in this process if not given."""
 
     def run(self) -> int:
         settings = self.settings()
+        device = parse_address(self.controller) if self.controller else None
         with Service(NAME, self) as service:
-            ArmBridge(service, settings, self.lossless, self.monitored).run()
+            ArmBridge(service, settings, self.lossless, self.monitored, device).run()
         return 0
 
 
@@ -67,16 +72,24 @@ class ArmBridge:
         settings: run of the arm, with what its controller knows of it.
         lossless: whether to wait for slow subscribers.
         monitored: longest silence of the monitoring service while the arm moves, s; None if it needs no monitor.
+        device: FORTE that gets the blocks; None for blocks in this process.
     """
 
     def __init__(
-        self, service: Service, settings: ChainSettings, lossless: bool, monitored: float | None = None
+        self,
+        service: Service,
+        settings: ChainSettings,
+        lossless: bool,
+        monitored: float | None = None,
+        device: Address | None = None,
     ) -> None:
         bus = service.bus
         self._service = service
         self._settings = settings
         self._inputs = inputs(settings.arm, usual_inertia(settings.arm), settings.control, settings.poses)
-        self._blocks = OwnBlocks(self._begun)
+        self._blocks: OwnBlocks | DeviceBlocks = OwnBlocks(self._begun)
+        if device is not None:
+            self._blocks = DeviceBlocks(device, len(settings.arm), lambda: self._inputs)
         joints = Adjustment.none(len(settings.arm))
         self._in_force = JointAdjustment(NAME, _DATA_SHEET, joints.offset, joints.strength, joints.friction)
         self._model = JointModel(NAME, _DATA_SHEET, ArmModel.of(settings.arm))

@@ -16,6 +16,8 @@ from dtwin.parameters import ROOT
 from dtwin.services.supervisor import Program
 
 THESIS: Final = "thesis"
+EMBEDDED: Final = "embedded"
+"""Value of --controller for blocks in a process of the cell."""
 ENDINGS: Final = (".toml", ".urdf", ".xml", ".mjcf")
 """Of the files that an arm is read from: its own, and those of dtwin.arm.file.MODELS, which loads numpy."""
 LEAST_HEALTHY: Final = 10.0
@@ -23,7 +25,7 @@ LEAST_HEALTHY: Final = 10.0
 KNOWN: Final = frozenset(
     {
         *("arm", "cell_file", "machine", "poses", "path", "sort", "late", "seed", "fault"),
-        *("pace", "duration", "log", "cell", "zenoh", "detach", "json"),
+        *("controller", "pace", "duration", "log", "cell", "zenoh", "detach", "json"),
         *("monitoring", "safe_stop", "silence", "healthy", "recovery"),
         *("identification", "store", "simulation", "history"),
     }
@@ -95,6 +97,11 @@ def other_arm(options: Any) -> OtherArm | None:
             )
         return None
     _refuse_others(options)
+    if options.controller != EMBEDDED and not options.controller.startswith("forte://"):
+        raise ParameterError(
+            f"--controller {options.controller}: expected {EMBEDDED} or forte://HOST:PORT for another arm than the "
+            "thesis's, whose blocks are deployed when the cell starts"
+        )
     if options.healthy is not None and not (options.monitoring and LEAST_HEALTHY <= options.healthy < math.inf):
         raise ParameterError(f"--healthy: expected --monitoring beside it, and at least {LEAST_HEALTHY:g} s")
     if options.recovery is not None and (not options.monitoring or options.safe_stop):
@@ -145,7 +152,8 @@ def programs_of(other: OtherArm, options: Any, link: list[str]) -> list[Program]
         programs.append(_service("simulation", [*link, *other.words, *file]))
     if options.safe_stop:  # The arm does not move before it is watched.
         waits += ["--monitored", str(options.silence), "--wait-for", "monitoring"]
-    programs.append(_service("bridge", [*link, *other.words, *lossless, *waits]))
+    device = [] if options.controller == EMBEDDED else ["--controller", options.controller.partition("://")[2]]
+    programs.append(_service("bridge", [*link, *other.words, *lossless, *waits, *device]))
     emulator = [*link, *other.words, "--pace", options.pace, "--wait-for", "bridge"]
     emulator += [] if options.duration is None else ["--duration", str(options.duration)]
     return [*programs, _service("emulator", emulator, leading=True)]

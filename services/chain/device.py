@@ -1,0 +1,150 @@
+"""The function blocks of an arm of n joints on a 4diac FORTE: put there by the bridge, which talks to their ports.
+
+Blocks that shall begin anew are deployed anew. One thread steps them; others ask for their stop, or tell them what
+was found.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import threading
+import time
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack, closing
+from functools import partial
+from typing import Any, Final
+
+from dtwin.arm.adjustment import Adjustment
+from dtwin.bus.chain.messages import JointCommands, JointSensors
+from dtwin.controller.application import Application
+from dtwin.controller.chain import application as chain
+from dtwin.controller.ports import Port
+from dtwin.errors import CommunicationError
+from dtwin.signals import ARM_STATES, STOPS, ArmState, Stop
+from iec61499.deploy.build import deploy, suited
+from iec61499.deploy.plan import plan_deployment
+from iec61499.library import Library
+from iec61499.management.client import ManagementClient
+from iec61499.mapping import device_network
+from iec61499.net.address import Address
+from iec61499.net.wire import Signature
+from iec61499.types import BOOL, DINT, LREAL
+
+log = logging.getLogger(__name__)
+
+RESOURCE: Final = "EMB_RES"
+PATIENCE: Final = 5.0
+"""Time in which a FORTE has noticed that a client has gone, before it takes the next one, s."""
+RETRY: Final = 0.05
+"""Time between two attempts, s."""
+_STOP: Final = f"{chain.STOP}.STOP"
+_VERDICT: Final = Port(chain.VERDICT, chain.VERDICT_PORT, Signature([DINT, LREAL, BOOL]), Signature([DINT]))
+
+
+class DeviceBlocks:
+    """Blocks on a device, as the bridge uses them.
+
+    Args:
+        address: device management of the FORTE.
+        joints: number of joints.
+        values: gives the values of the inputs of blocks that begin.
+
+    Attributes:
+        stop: stop in force at the last sample.
+
+    Raises:
+        CommunicationError: the FORTE does not answer, or refuses.
+    """
+
+    def __init__(self, address: Address, joints: int, values: Callable[[], Mapping[str, Any]]) -> None:
+        self._address = address
+        self._names = [chain.joint_name(k) for k in range(joints)]
+        self._watched = (*(f"{name}.PATH.Q_D" for name in self._names), _STOP)
+        self._values = values
+        self._lock = threading.Lock()
+        self._opened = ExitStack()
+        self._adjustment: Adjustment | None = None
+        self.stop: Stop = "none"
+        self._begin()
+
+    def begin(self) -> None:
+        """Deploys blocks that begin in the place of these."""
+        with self._lock:
+            self._begin()
+
+    def adjust(self, found: Adjustment) -> None:
+        """Lets these blocks, and those that come in their place, count on what was found."""
+        with self._lock:
+            self._adjustment = found
+            self._twin.exchange(found.message)
+
+    def reckon_with(self, values: Mapping[str, float]) -> None:
+        """Lets the blocks reckon with another model; no sample may be on its way meanwhile."""
+        with self._lock:
+            for name, value in values.items():
+                self._application.write(name, value)
+
+    def step(self, sample: JointSensors) -> JointCommands:
+        """The answer of the blocks to a sample.
+
+        Raises:
+            CommunicationError: it is late, lost or not finite.
+        """
+        with self._lock:
+            *commands, grips = self._arm.exchange((*sample.theta, sample.box))
+            *target, stop = self._application.watched(self._watched)
+        if not all(map(math.isfinite, commands)):
+            raise CommunicationError(f"{self._address}: expected finite commands, got {commands}")
+        self.stop = STOPS[int(stop)]
+        return JointCommands(sample.sequence, sample.time, tuple(commands), tuple(target), bool(grips))
+
+    def now(self) -> Stop:
+        """The stop in force."""
+        return self.judge("nominal", 0.0)
+
+    def judge(self, state: ArmState, confidence: float) -> Stop:
+        """Sends a verdict on the arm and its probability."""
+        return self._told(state, confidence, release=False)
+
+    def release(self) -> Stop:
+        """Sends an operator's release."""
+        return self._told("nominal", 0.0, release=True)
+
+    def _told(self, state: ArmState, confidence: float, release: bool) -> Stop:
+        with self._lock:
+            (stop,) = self._verdict.exchange((ARM_STATES.index(state), confidence, release))
+        return STOPS[int(stop)]
+
+    def _begin(self) -> None:
+        self._opened.close()
+        joints = len(self._names)
+        made = chain.system("ARM", chain.network(joints), self._values())
+        plan = partial(plan_deployment, RESOURCE, device_network(made), Library([chain.LIBRARY]), None)
+        with _patiently(lambda: ManagementClient(self._address)) as client:
+            deploy(client, suited(client, plan))
+        arm = Port(chain.ARM, chain.PORT, *chain.messages(joints))
+        twin = Port(chain.TWIN, chain.TWIN_PORT, chain.adjustment(joints), Signature([DINT]))
+        with ExitStack() as opened:
+            found = _patiently(lambda: Application(self._address, chain.APPLICATION, chain.ARM))
+            self._application = opened.enter_context(closing(found))
+            self._application.watch(self._watched)
+            self._arm, self._verdict, self._twin = (
+                opened.enter_context(self._application.connect(port)) for port in (arm, _VERDICT, twin)
+            )
+            self._opened = opened.pop_all()
+        if self._adjustment is not None:
+            self._twin.exchange(self._adjustment.message)
+
+
+def _patiently(connect: Callable[[], Any]) -> Any:
+    """Connects once the FORTE has noticed that the client before has gone. Raises CommunicationError."""
+    deadline = time.monotonic() + PATIENCE
+    while True:
+        try:
+            return connect()
+        except CommunicationError as error:
+            if time.monotonic() > deadline:
+                raise
+            log.info("%s", error)
+            time.sleep(RETRY)

@@ -1,0 +1,69 @@
+"""A cell of another arm than the thesis's whose blocks run on a 4diac FORTE."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from dtwin.arm.model import ArmModel
+from dtwin.bus.chain.messages import JointAdjustment, JointModel
+from dtwin.bus.messages import ADJUSTMENT, EVENTS, FAULT, MODEL, MONITORING, Done, FaultRequest
+from dtwin.bus.twin_messages import MonitoringVerdict
+from dtwin.emulation.chain.arms import arm_of
+from dtwin.emulation.chain.machine import drawn
+from dtwin.services.runfile import join
+from dtwin.signals import Event
+from tests.support.desk import Desk
+from tests.support.forte import FORTES, forte
+from tests.support.waiting import until
+
+
+def test_blocks_of_another_arm_are_deployed_to_nothing_but_a_forte(desk: Desk) -> None:
+    words = ["--arm", "planar-2r", "--controller", "tcp://127.0.0.1:61499"]
+    assert "expected embedded or forte://HOST:PORT" in desk.run("up", *words, status=2)
+
+
+@pytest.mark.parametrize("binary", FORTES)
+def test_a_forte_moves_another_arm_as_the_blocks_in_the_bridge_do(desk: Desk, tmp_path: Path, binary: str) -> None:
+    served, headless = tmp_path / "served.parquet", tmp_path / "headless.parquet"
+    words = ["--arm", "planar-2r", "--machine", "7", "--seed", "3", "--duration", "9"]
+    with forte(tmp_path, binary=binary) as address:
+        up = ["--controller", f"forte://{address}", "--pace", "lockstep", "--log", str(served), "--json"]
+        assert json.loads(desk.up(*words, *up))["ticks"] == 900
+    desk.run("run", *words, "--log", str(headless), "--json")
+    found, expected = pq.read_table(served), pq.read_table(headless)
+    assert found.schema.names == expected.schema.names
+    for name in expected.schema.names:
+        kept, told = (np.asarray(table[name]) for table in (expected, found))
+        if name.startswith("target"):  # which a FORTE prints with 15 digits
+            assert np.allclose(told, kept, rtol=0.0, atol=1e-12), name
+        else:
+            assert np.array_equal(told, kept), name
+
+
+@pytest.mark.parametrize("binary", FORTES)
+def test_recovery_and_uploads_reach_the_blocks_on_a_forte(desk: Desk, tmp_path: Path, binary: str) -> None:
+    words = ["--arm", "planar-2r", "--machine", "7", "--pace", "lockstep", "--monitoring", "--healthy", "15"]
+    verdicts: list[MonitoringVerdict] = []
+    events: list[Event] = []
+    with forte(tmp_path, binary=binary) as address:
+        desk.detach(*words, "--recovery", "act", "--controller", f"forte://{address}")
+        with join("cell") as bus:
+            bus.subscribe(MONITORING, MonitoringVerdict, verdicts.append)
+            bus.subscribe(EVENTS, Event, events.append)
+            arm = arm_of("planar-2r")
+            model = JointModel("test", "as it really is", ArmModel.of(drawn(arm, 7)))
+            assert bus.ask(MODEL, model, JointModel) == model
+            until(lambda: verdicts and verdicts[-1].units["joint 1"].state == "nominal", "the arm is known", 120.0)
+            bus.ask(FAULT, FaultRequest(("K1*=0.7@0",)), Done)
+            until(lambda: any(event.kind == "recovery" for event in events), "the fault is answered", 120.0)
+            found = bus.ask(ADJUSTMENT, None, JointAdjustment)
+            assert found.strength == pytest.approx((0.7, 1.0), abs=0.05)
+            seen = len(verdicts)
+            until(lambda: len(verdicts) > seen + 20, "the arm works on", 60.0)
+            assert {unit.state for unit in verdicts[-1].units.values()} == {"nominal"}
+        assert desk.run("stop").startswith("standstill")
+        assert desk.run("release").startswith("none")
+        assert "down" in desk.run("down")
