@@ -19,10 +19,12 @@ from dtwin.identification.chain.fit import Fit, Prior
 from dtwin.identification.chain.identify import Identification
 from dtwin.identification.chain.intervals import convolved, correlation_of, longest_of
 from dtwin.identification.chain.moments import Layout, columns
-from dtwin.identification.chain.result import NINETY_FIVE, Number, moved
+from dtwin.identification.chain.result import NINETY_FIVE, Number, moved, unclear
 
 _LEAST: Final = 1e-3
 """Least delay that is told, s: stamps are no better."""
+_UNKNOWN: Final = 0.3
+"""Part of the effort that held-out motion leaves unexplained, from which on friction without a word may look late."""
 _SURE: Final = 3.0
 """Standard deviations beyond which a delay is told."""
 
@@ -33,7 +35,8 @@ def delays(found: Identification) -> list[Number]:
     numbers = []
     for joint, known in enumerate(found.arm.joints):
         value, deviation = _delay(found.design, layout, found.prior, fit, joint)
-        told = bool(abs(value) > max(_SURE * deviation, _LEAST)) and moved(found, joint)
+        sure = abs(value) > max(_SURE * deviation, _LEAST)
+        told = bool(sure) and moved(found, joint) and not unclear(found, joint, _UNKNOWN)
         numbers.append(Number(f"{known.name} delay", value, NINETY_FIVE * deviation, told))
     return numbers
 

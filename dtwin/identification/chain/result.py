@@ -119,10 +119,10 @@ def doubts(found: Identification) -> list[str]:
     return said
 
 
-def unclear(found: Identification, joint: int) -> bool:
-    """Whether the model explains next to nothing of a joint's effort on motion that was held out."""
+def unclear(found: Identification, joint: int, most: float = _UNEXPLAINED) -> bool:
+    """Whether more than a part of a joint's effort is left unexplained on motion that was held out."""
     errors = found.held_out.get(found.groups)
-    return errors is not None and float(errors[joint]) > _UNEXPLAINED
+    return errors is not None and float(errors[joint]) > most
 
 
 def _sum(found: Identification, name: str, place: slice, weights: Array) -> Number:

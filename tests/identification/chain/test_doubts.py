@@ -76,3 +76,4 @@ def test_an_effort_that_is_noise_is_named(arm: Arm) -> None:
     effort[:, 2] = np.random.default_rng(4).normal(size=len(effort))
     found = identify(arm, [Sample(replace(plain, effort=effort))])
     assert any(line.startswith("more than 70% of the effort") and "joint_3" in line for line in doubts(found))
+    assert not delays(found)[2].told
