@@ -45,6 +45,19 @@ def test_what_ends_with_an_error_is_told_and_ends_nothing(tmp_path: Path, monkey
     assert real._sysid(found.arm, [measured(found.arm, 12.0, 1)], found) == (None, "mujoco.sysid: it ended")
 
 
+@needs_peer
+def test_an_error_of_its_search_is_told_in_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from mujoco import sysid
+
+    def broken(*words: object, **options: object) -> None:
+        raise ValueError("no step was found\nand more")
+
+    monkeypatch.setattr(sysid, "optimize", broken)
+    found = found_of(tmp_path)
+    with pytest.raises(DtwinError, match=r"^mujoco\.sysid ended with an error: no step was found$"):
+        Sysid(found.arm, [measured(found.arm, 12.0, 1)], np.ones(2), found.design.scales, found.design.filtering)
+
+
 def test_shares_of_all_four_stand_side_by_side() -> None:
     tested = real.Tested("a", (0.1,), (0.2,), (), (0.4,))
     assert tested.joints() == [(0.1, 0.2, 0.4)]

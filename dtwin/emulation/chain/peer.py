@@ -91,6 +91,9 @@ def fit_chain(arm: Arm, dt: float, motions: Sequence[tuple[Array, Array, Array]]
                 parameters, residual, optimizer="mujoco", verbose=False, x_scale="jac", max_iters=_ITERATIONS
             )
         seconds = time.perf_counter() - began
+    except (ValueError, ArithmeticError, RuntimeError, mujoco.FatalError) as error:
+        said = (str(error).splitlines() or [""])[0]
+        raise DtwinError(f"mujoco.sysid ended with an error: {said or type(error).__name__}") from error
     finally:
         logging.getLogger().setLevel(level)
     return _read(arm, sysid.apply_param_modifiers(found, spec), seconds)
