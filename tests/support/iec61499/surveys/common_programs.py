@@ -175,8 +175,8 @@ class _Strict(Oracle):
         return super().call(function, arguments)
 
     def statement(self, node: ast.Statement) -> None:
-        if isinstance(node, ast.Case) and "LEN" in str(node.selector) and self.value(node.selector).data < 2:
-            self.rare.add("CASE of LEN, whose labels matiec compares without signs")
+        if isinstance(node, ast.Case) and any(name in str(node.selector) for name in ("'LEN'", "'FIND'")):
+            self.rare.add("CASE of LEN or FIND, whose labels matiec compares without signs")
         super().statement(node)
 
     def count(self, node: ast.For) -> None:
