@@ -132,14 +132,15 @@ class FirstFault:
         if self.settled:
             return
         named = self._drives.follow(t, q, effort)
+        told = self._encoders.first(times, positions, wanted, new)
         self.finding = named or self.finding
-        if named is not None and self._drives.named and self._drives.is_small(named):
+        small = named is not None and self._drives.named and self._drives.is_small(named)
+        if small and told is None:
             self.resume()  # with more samples it has turned out to be none
             return
-        told = self._encoders.first(times, positions, wanted, new)
         if told is None:
             return
-        alarm = self._drives.alarm
+        alarm = None if small else self._drives.alarm
         if alarm is None:
             self.finding, self._of_encoder = told, True
         elif told.time <= alarm.time + EXPLAINS:
