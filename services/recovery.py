@@ -26,6 +26,7 @@ from dtwin.recovery.measures import SAME, Measures
 from dtwin.recovery.modes import RecoveryMode
 from dtwin.recovery.operator import Operator
 from dtwin.recovery.proposals import NAME, Proposals
+from dtwin.recovery.strength import holding
 from dtwin.run.options import CellFileOption
 from dtwin.services.parts.readiness.preparation import prepare
 from dtwin.services.service import Link, Service, main
@@ -81,7 +82,11 @@ class Recovery:
         if in_force is None:
             return
         arm = known_arm(in_force, self._record)
-        prepare(service, [("the search for settings", lambda: _rehearse(in_force, arm, self._record))])
+        parts = (
+            ("what the arm can hold", lambda: holding(arm, 0.0, self._task)),
+            ("the search for settings", lambda: _rehearse(in_force, arm, self._record)),
+        )
+        prepare(service, parts)
         measures = Measures(desk, arm, self._record, self._task)
         if self._reached(measures.refer) is None:
             return
