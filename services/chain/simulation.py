@@ -70,6 +70,10 @@ class BridgePort:
         return self._bus.ask(MODEL, None, JointModel).model
 
 
+class _Mark:
+    """Stands in the inbox behind the ticks that came before a change."""
+
+
 class Uploading:
     """One upload after another.
 
@@ -88,6 +92,7 @@ class Uploading:
         self._offset = (0.0,) * len(settings.arm)
         self._time = 0.0
         self._done = 0
+        self._marks = 0
         bus = service.bus
         self._publish: Callable[[Event], None] = bus.publisher(EVENTS)
         bus.subscribe(JOINT_TICKS, JointTicks, service.inbox.put)
@@ -115,6 +120,8 @@ class Uploading:
                 self._judge(item)
             elif isinstance(item, JointAdjustment):
                 self._offset = item.offset
+            elif isinstance(item, _Mark):
+                self._marks -= 1
             if service.report_due():
                 self._look_again()
                 service.report("running", self._done, time=self._time)
@@ -128,7 +135,7 @@ class Uploading:
             measured = tuple(a - b for a, b in zip(sensors.theta, self._offset, strict=True))
             entry = None
             with self._lock:
-                if self._uploads is not None and self._uploads.on_trial:
+                if self._uploads is not None and self._uploads.on_trial and not self._marks:
                     try:
                         if tick.acted.sequence != sensors.sequence:  # a command for an earlier sample acts on
                             self._uploads.miss(sensors.time)
@@ -171,6 +178,8 @@ class Uploading:
         try:
             action()
         finally:
+            self._marks += 1  # what waits in the inbox is of the model before
+            self._service.inbox.put(_Mark())
             if uploads.last is not before:
                 self._tell(uploads.last)
         return _told(uploads)

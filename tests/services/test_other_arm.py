@@ -196,7 +196,10 @@ def test_another_arm_is_identified_while_it_works_and_its_blocks_get_the_model(d
         until(lambda: _model_of(bus) == done.model, "another bridge gets the model again", 30.0)
     sheet_again = json.loads(desk.run("upload", "arm", "planar-2r", "--why", "as it was", "--who", "ann"))
     assert (sheet_again["version"], sheet_again["on_trial"]) == (3, True)
-    assert json.loads(desk.run("upload", "rollback", "--why", "no"))["version"] == 4
+    with join("cell") as bus:  # with the data sheet the arm is farther from its path than the twin expects
+        until(lambda: not bus.ask(ARM_UPLOAD, None, JointUpload).on_trial, "the worse model is judged", 60.0)
+        assert bus.ask(MODEL, None, JointModel).model == done.model
+    assert "nothing is on trial" in desk.run("upload", "rollback", "--why", "no", status=2)
     history = desk.run("history")
     for line in (
         "version 2  upload model by identification",

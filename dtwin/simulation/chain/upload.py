@@ -138,7 +138,7 @@ class ArmUploads:
             self.last = self._record("roll back", entry.version + 1, SELF, text, before, time, text)
             raise
         self.last, self._before = entry, before
-        self.trial = Trial(self._rules, time, predicted)
+        self._waiting = predicted  # until the first sample with it, which may come later than those that wait
         return entry
 
     def earlier(self, version: int) -> ArmModel:
