@@ -66,7 +66,7 @@ UNHEARD: Final[Triple] = (0.0, 0.0, 0.0)
 """rad: without a model the monitor judges the noise by the readings alone"""
 RESIDUAL_EVERY: Final = 2 * TOGETHER
 """ticks, a multiple of those that are told together"""
-VERDICT_EVERY: Final = 10 * TOGETHER
+VERDICT_EVERY: Final = 5 * TOGETHER
 """Ticks, such a multiple too: twice in the time for which a verdict counts."""
 PATIENCE: Final = 4.0
 """s that a query waits for the main thread"""

@@ -57,7 +57,7 @@ from dtwin.signals import (
     Word,
 )
 
-TOGETHER: Final = 5
+TOGETHER: Final = 10
 """Number of ticks that are told together once they have passed."""
 State = Literal["starting", "running", "waiting", "off", "safe", "stopped", "stopping"]
 """starting: not ready yet; waiting: for a peer; off: by somebody's wish; safe: the arm has no voltage because

@@ -55,7 +55,7 @@ log = logging.getLogger(__name__)
 
 ASKING: Final = 1.0
 """Time between two rounds of questions while a page is open, s."""
-ASKING_UNREAD: Final = 2.0
+ASKING_UNREAD: Final = 5.0
 """The same while none is, s: alarms need no more."""
 PATIENCE: Final = 1.0
 """Longest wait for one answer, s."""

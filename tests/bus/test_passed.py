@@ -15,12 +15,15 @@ def tick(number: int) -> tuple[Sensors, Voltages]:
 def test_every_tick_is_told_once_with_what_acted_up_to_a_multiple() -> None:
     told: list[PassedTicks] = []
     passed = Passed(told.append)
-    for number in range(3, 14):
+    for number in range(3, 2 * TOGETHER + 4):
         passed.add(*tick(number))
-    assert [[each.sensors.sequence for each in message.ticks] for message in told] == [[3, 4, 5], [6, 7, 8, 9, 10]]
+    assert [[each.sensors.sequence for each in message.ticks] for message in told] == [
+        [*range(3, TOGETHER + 1)],
+        [*range(TOGETHER + 1, 2 * TOGETHER + 1)],
+    ]
     passed.tell()
     passed.tell()
-    assert [each.sensors.sequence for each in told[-1].ticks] == [11, 12, 13]
+    assert [each.sensors.sequence for each in told[-1].ticks] == [2 * TOGETHER + k for k in (1, 2, 3)]
     assert len(told) == 3
     for each in (each for message in told for each in message.ticks):
         sensors, command = tick(each.sensors.sequence)

@@ -13,7 +13,7 @@ from dtwin.arm.model import ArmModel
 from dtwin.signals import SCHEMA, Count, Line, Seconds, Word
 
 MOST_JOINTS: Final = 64
-TOGETHER: Final = 5
+TOGETHER: Final = 10
 """Largest number of ticks that are told together once they have passed."""
 Joints = Annotated[tuple[float, ...], msgspec.Meta(min_length=1, max_length=MOST_JOINTS)]
 

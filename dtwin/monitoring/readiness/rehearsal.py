@@ -34,7 +34,7 @@ SHORT: Final = 30
 """samples"""
 FAULTY: Final = 100
 """samples, at most"""
-_TOGETHER: Final = 5
+_TOGETHER: Final = 10
 _SWING: Final = np.array([4.0, 3.0, 2.0])
 """V"""
 _FREQUENCY: Final = np.array([0.5, 0.7, 0.9])
