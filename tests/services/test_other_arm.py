@@ -163,7 +163,7 @@ def test_a_person_approves_what_recovery_of_another_arm_proposes(desk: Desk, tmp
         assert (found.who, found.strength) == ("ann", pytest.approx((0.7, 1.0), abs=0.05))
         assert "approved, ann" in desk.run("mcp", "proposals")
         assert "approved already" in desk.run("mcp", "approve", "1", "--yes", "--who", "bob", status=2)
-        bus.ask(FAULT, FaultRequest(("lock2@0",)), Done)
+        bus.ask(FAULT, FaultRequest(("freeze2@0",)), Done)
         until(lambda: told("help"), "a stop waits for nobody", 60.0)
 
 
