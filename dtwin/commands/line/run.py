@@ -190,6 +190,8 @@ def _carried_out(
     if drawing is not None and record is not None:
         drawing.write(record)
     _told(found, json, report, run.time / run.wall if run.wall else 0.0)
+    if record is not None and not json:
+        print(f"recording: {record}")
     return int(found.lost > 0 or found.collisions > 0)
 
 
