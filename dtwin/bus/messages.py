@@ -11,6 +11,7 @@ from typing import Annotated, Final, Literal, NamedTuple
 import msgspec
 
 from dtwin.bus.chain import messages as joints
+from dtwin.bus.chain.messages import TOGETHER
 from dtwin.bus.controller.messages import IdentificationSignal, SettingsInForce, SettingsRequest, SignalRequest
 from dtwin.bus.line.messages import FlowEffect, LineState, SetUpDone, SetUpQuestion, SetUpRequest, StationWord
 from dtwin.bus.proposals.messages import (
@@ -57,8 +58,6 @@ from dtwin.signals import (
     Word,
 )
 
-TOGETHER: Final = 10
-"""Number of ticks that are told together once they have passed."""
 State = Literal["starting", "running", "waiting", "off", "safe", "stopped", "stopping"]
 """starting: not ready yet; waiting: for a peer; off: by somebody's wish; safe: the arm has no voltage because
 commands stay away; stopped: a safe stop is in force."""

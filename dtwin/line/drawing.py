@@ -12,7 +12,7 @@ import numpy as np
 from dtwin.line.line import Line, StationPlan, ZonePlan
 from dtwin.line.run import LineRun, Sample
 from dtwin.line.track import Point
-from dtwin.parameters import ArmParameters, Triple
+from dtwin.parameters import Triple
 from dtwin.twin.kinematics import joint_positions
 from dtwin.view.line.recording import CHARGES, TABLE, Decided, Drawn, LineCourse, Poses, write_line_recording
 
@@ -103,9 +103,11 @@ class Drawing:
 
     def _poses(self, name: str) -> Poses:
         """The measured poses of a station's arm, in the vertical plane through its table."""
-        log = self.run.emulated[name].log.freeze()
-        angles, arm = log.angles()[::_POSE], ArmParameters()
-        flat = np.array([joint_positions(_triple(theta), arm) for theta in angles]).reshape(-1, 4, 2)
+        station = self.run.emulated[name]
+        log = station.log.freeze()
+        flat = np.array([joint_positions(_triple(theta), station.arm) for theta in log.angles()[::_POSE]]).reshape(
+            -1, 4, 2
+        )
         return Poses(log.columns["t"][::_POSE], np.insert(flat, 1, 0.0, axis=2))
 
 

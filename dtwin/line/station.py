@@ -87,6 +87,7 @@ class EmulatedStation:
         settings: those of its cell; as the plan says if not given.
 
     Attributes:
+        arm: its arm as the cell says.
         log: its log, the same to the byte as that of the cell alone with the same `inputs`.
         inputs: everything that was done to it.
 
@@ -107,6 +108,7 @@ class EmulatedStation:
             task=settings.task,
             deliveries=Deliveries(),
         )
+        self.arm = settings.arm
         self.log = RunLog(metadata(settings))
         self.inputs: list[Input] = []
         self.colours = settings.task.colours

@@ -69,7 +69,7 @@ def test_a_log_can_be_asked_and_several_runs_at_once(made: Made, tmp_path: Path)
     write_tables(kept(run), prepare(other).parent)
     rows = ask("select run, count(*) from events group by run order by run", [folder, other]).rows
     assert rows == [("monday", len(kept(run).events)), ("tuesday", len(kept(run).events))]
-    assert ask("select count(*) from log_a1", [folder]).rows == [(15_000,)]
+    assert ask("SELECT count(*) FROM LOG_A1", [folder]).rows == [(15_000,)]
 
 
 @pytest.mark.parametrize(

@@ -76,6 +76,25 @@ def test_a_model_that_tracks_worse_is_taken_back(tmp_path: Path) -> None:
     assert (found.version, "joint 1 is 0.2 rad from its path" in found.last.why) == (3, True)
 
 
+def test_an_arm_that_stood_still_is_not_said_to_have_tracked(tmp_path: Path) -> None:
+    found = uploads(tmp_path, FakeBlocks())
+    found.upload("ann", "identified", 1, OTHER, 5.0)
+    for k in range(4000):
+        found.observe(5.0 + k / 100, (1.0, 0.0), (1.005, 0.0))
+    assert (found.last.action, found.last.text) == ("confirm", "the arm stood still for 30.0 s")
+
+
+def test_a_trial_begins_anew_where_the_blocks_had_forgotten_the_model(tmp_path: Path) -> None:
+    blocks = FakeBlocks()
+    found = uploads(tmp_path, blocks)
+    found.upload("ann", "identified", 1, OTHER, 5.0)
+    assert moved(found, 5.0, 0.005, 9.0) == []
+    blocks.model = SHEET  # others have come in their place, and nobody has looked yet
+    assert moved(found, 14.0, 0.005, 9.0) == []
+    assert (blocks.model, found.on_trial) == (OTHER, True)
+    assert moved(found, 23.0, 0.005) == ["confirm"]
+
+
 def test_late_commands_tell_nothing_of_a_model(tmp_path: Path) -> None:
     blocks = FakeBlocks()
     found = uploads(tmp_path, blocks)

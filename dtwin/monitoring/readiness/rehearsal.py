@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from dtwin.bus.messages import TOGETHER
 from dtwin.monitoring.estimation.belief import Belief
 from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.monitor import Monitor
@@ -34,7 +35,6 @@ SHORT: Final = 30
 """samples"""
 FAULTY: Final = 100
 """samples, at most"""
-_TOGETHER: Final = 10
 _SWING: Final = np.array([4.0, 3.0, 2.0])
 """V"""
 _FREQUENCY: Final = np.array([0.5, 0.7, 0.9])
@@ -89,7 +89,7 @@ class Rehearsal:
         """Watches for some samples, one by one and several together, as the service does."""
         rows = list(self._rows(samples, ill, swing, gripped))
         while rows:
-            together = rows[: _TOGETHER if self.monitor.calm else 1]
+            together = rows[: TOGETHER if self.monitor.calm else 1]
             seen = Samples(*(np.array(column) for column in zip(*together, strict=True)))
             del rows[: self.monitor.follow(seen)]
         self.monitor.verdict()

@@ -94,6 +94,8 @@ class ArmUploads:
     def look_again(self) -> bool:
         """Gives blocks that have forgotten the model, such as those of another bridge, that in force again.
 
+        A trial begins anew then, since nobody knows since when it has judged another model.
+
         Returns:
             whether they had forgotten it.
 
@@ -103,6 +105,8 @@ class ArmUploads:
         if self._port.read_back() == self.model:
             return False
         self._port.send(SELF, f"version {self.version} again", self.model)
+        if self.on_trial:
+            self.trial, self._waiting = None, self.last.predicted
         return True
 
     def upload(self, who: str, why: str, based_on: int, model: ArmModel, time: float) -> ArmEntry:
@@ -179,7 +183,7 @@ class ArmUploads:
             The entry of the history if this sample ends the trial.
 
         Raises:
-            CommunicationError: the model fails, and the blocks do not take the old one.
+            CommunicationError: the blocks do not say which model they have, or do not take the old one.
         """
         if self._waiting is not None:
             self.trial, self._waiting = Trial(self._rules, time, self._waiting), None
@@ -193,8 +197,11 @@ class ArmUploads:
             return None
         if verdict == "failed":
             return self.roll_back(SELF, trial.why(), time, trial.measured)
+        if self.look_again():
+            return None
         self.trial = self._before = None
-        text = f"tracking was as predicted for {time - trial.began:.1f} s"
+        seen = "tracking was as predicted" if trial.judged_motion else "the arm stood still"
+        text = f"{seen} for {time - trial.began:.1f} s"
         self.last = self._record("confirm", self.version, SELF, text, self.model, time, text, measured=trial.measured)
         return self.last
 
