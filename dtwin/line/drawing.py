@@ -105,10 +105,8 @@ class Drawing:
         """The measured poses of a station's arm, in the vertical plane through its table."""
         station = self.run.emulated[name]
         log = station.log.freeze()
-        flat = np.array([joint_positions(_triple(theta), station.arm) for theta in log.angles()[::_POSE]]).reshape(
-            -1, 4, 2
-        )
-        return Poses(log.columns["t"][::_POSE], np.insert(flat, 1, 0.0, axis=2))
+        flat = [joint_positions(_triple(theta), station.arm) for theta in log.angles()[::_POSE]]
+        return Poses(log.columns["t"][::_POSE], np.insert(np.reshape(flat, (-1, 4, 2)), 1, 0.0, axis=2))
 
 
 def _triple(values: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> Triple:

@@ -143,9 +143,8 @@ def _load(connection: duckdb.DuckDBPyConnection, question: str, runs: dict[str, 
         for path in sorted(folder.glob("*.parquet")):
             logs.setdefault(f"log_{path.stem}", []).append((run, path))
     for name, parts in logs.items():
-        if re.search(
-            rf"\b{re.escape(name)}\b", question, re.IGNORECASE
-        ):  # A log is large, and few questions are about it.
+        # A log is large, and few questions are about it.
+        if re.search(rf"\b{re.escape(name)}\b", question, re.IGNORECASE):
             connection.register(name, pa.concat_tables([_read(*part) for part in parts], promote_options="default"))
     for name, view in _VIEWS.items():
         connection.execute(f"create view {name} as {view}")

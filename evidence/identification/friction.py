@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Final
+from typing import ClassVar, Final
 
 from dtwin.campaign.spread import EVERY_CORE, Progress, Workforce
 from dtwin.commands.frame import at_least
@@ -14,8 +14,7 @@ from dtwin.identification.estimation.friction import FRICTIONS, with_friction
 from dtwin.identification.excitation.plan import Plan
 from dtwin.identification.excitation.rig import Rig
 from dtwin.parameters import ArmParameters
-from evidence.experiment import OnMachine, SeriesCommand
-from evidence.identification.groups import Group, figures_of, run_groups
+from evidence.identification.groups import Group, GroupsExperiment, run_groups
 from evidence.identification.pages import SETUP, identification_report
 from evidence.identification.standard import standard_settings
 from evidence.identification.trial import IdentificationTrial
@@ -86,7 +85,7 @@ def friction_report(groups: Sequence[Group]) -> Report:
 
 
 @dataclass(frozen=True)
-class ExperimentFriction(SeriesCommand[list[Group]], OnMachine):
+class ExperimentFriction(GroupsExperiment):
     """Identify viscous, Coulomb and both friction laws, on the viscous arm and on one with Coulomb friction."""
 
     name: ClassVar = "friction"
@@ -98,8 +97,5 @@ class ExperimentFriction(SeriesCommand[list[Group]], OnMachine):
         at_least("--runs", self.runs, 1)
         return friction_experiment(self.runs, self.seed, machine_of(self.machine), self.workforce(), progress)
 
-    def report(self, result: list[Group]) -> Report:
-        return self.titled(friction_report(result))
-
-    def figures(self, result: list[Group]) -> dict[str, Any]:
-        return figures_of(result)
+    def groups_report(self, groups: list[Group]) -> Report:
+        return friction_report(groups)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -12,7 +13,9 @@ import numpy as np
 from dtwin.campaign.spread import EVERY_CORE, Progress, Workforce, spread
 from dtwin.identification.estimation.estimate import NINETY_FIVE
 from dtwin.identification.excitation.design import predict
+from evidence.experiment import OnMachine, SeriesCommand
 from evidence.identification.trial import IdentificationOutcome, IdentificationTrial, run_trial
+from evidence.report import Report
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,9 +88,19 @@ def _group(label: str, members: Sequence[tuple[IdentificationTrial, Identificati
     return Group(label, tuple(o for _, o in members), {name: arm.get(name) for name in free}, bounds)
 
 
-def figures_of(groups: Sequence[Group]) -> dict[str, Any]:
-    """What is told to programs of groups of trials."""
-    return {"groups": [_as_json(group) for group in groups]}
+@dataclass(frozen=True)
+class GroupsExperiment(SeriesCommand[list[Group]], OnMachine):
+    """An experiment whose result are groups of trials."""
+
+    @abstractmethod
+    def groups_report(self, groups: list[Group]) -> Report:
+        """The page of the experiment, on whatever machine."""
+
+    def report(self, result: list[Group]) -> Report:
+        return self.titled(self.groups_report(result))
+
+    def figures(self, result: list[Group]) -> dict[str, Any]:
+        return {"groups": [_as_json(group) for group in result]}
 
 
 def _as_json(group: Group) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Final
+from typing import ClassVar, Final
 
 from dtwin.campaign.spread import EVERY_CORE, Progress, Workforce
 from dtwin.commands.frame import at_least
@@ -12,8 +12,7 @@ from dtwin.emulation.machine.files import machine_of
 from dtwin.emulation.machine.sections import IDEAL, Machine
 from dtwin.identification.excitation.plan import Plan
 from dtwin.identification.excitation.rig import Rig
-from evidence.experiment import OnMachine, SeriesCommand
-from evidence.identification.groups import Group, figures_of, run_groups
+from evidence.identification.groups import Group, GroupsExperiment, run_groups
 from evidence.identification.pages import SETUP, identification_report
 from evidence.identification.standard import standard_settings
 from evidence.identification.trial import IdentificationTrial
@@ -74,7 +73,7 @@ def mass_report(groups: Sequence[Group]) -> Report:
 
 
 @dataclass(frozen=True)
-class ExperimentMass(SeriesCommand[list[Group]], OnMachine):
+class ExperimentMass(GroupsExperiment):
     """Identify with 190, 200 and 210 g on the tip where 200 g are assumed."""
 
     name: ClassVar = "mass"
@@ -86,8 +85,5 @@ class ExperimentMass(SeriesCommand[list[Group]], OnMachine):
         at_least("--runs", self.runs, 1)
         return mass_experiment(self.runs, self.seed, machine_of(self.machine), self.workforce(), progress)
 
-    def report(self, result: list[Group]) -> Report:
-        return self.titled(mass_report(result))
-
-    def figures(self, result: list[Group]) -> dict[str, Any]:
-        return figures_of(result)
+    def groups_report(self, groups: list[Group]) -> Report:
+        return mass_report(groups)

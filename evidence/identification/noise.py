@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Final, Literal
+from typing import ClassVar, Final, Literal
 
 from dtwin.campaign.spread import EVERY_CORE, Progress, Workforce
 from dtwin.commands.frame import at_least
@@ -13,8 +13,7 @@ from dtwin.emulation.machine.sections import IDEAL, Machine
 from dtwin.identification.estimation.estimate import Loss
 from dtwin.identification.excitation.plan import Plan
 from dtwin.identification.excitation.rig import Rig
-from evidence.experiment import OnMachine, SeriesCommand
-from evidence.identification.groups import Group, figures_of, run_groups
+from evidence.identification.groups import Group, GroupsExperiment, run_groups
 from evidence.identification.pages import SETUP, identification_report
 from evidence.identification.standard import standard_settings
 from evidence.identification.trial import IdentificationTrial
@@ -78,7 +77,7 @@ def noise_report(groups: Sequence[Group]) -> Report:
 
 
 @dataclass(frozen=True)
-class ExperimentNoise(SeriesCommand[list[Group]], OnMachine):
+class ExperimentNoise(GroupsExperiment):
     """Identify at four levels of encoder noise, every run from two starts; errors beside the Cramer-Rao bound."""
 
     name: ClassVar = "noise"
@@ -99,8 +98,5 @@ class ExperimentNoise(SeriesCommand[list[Group]], OnMachine):
             progress=progress,
         )
 
-    def report(self, result: list[Group]) -> Report:
-        return self.titled(noise_report(result))
-
-    def figures(self, result: list[Group]) -> dict[str, Any]:
-        return figures_of(result)
+    def groups_report(self, groups: list[Group]) -> Report:
+        return noise_report(groups)

@@ -82,7 +82,13 @@ def program(seed: int, lua: bool) -> Program:
 
 
 class Maker:
-    """Makes a program; what it is made of is drawn by the methods that are called as the kinds of types."""
+    """Makes a program; what it is made of is drawn by the methods that are called as the kinds of types.
+
+    Attributes:
+        ordered: kinds of types whose values are compared.
+    """
+
+    ordered: tuple[str, ...] = ("signed", "unsigned", "bits", "real", "time", "date")
 
     def __init__(self, rng: random.Random, lua: bool, types: dict[str, DataType] | None = None) -> None:
         self.rng = rng
@@ -208,6 +214,14 @@ class Maker:
 
     unsigned = signed
 
+    def draw(self, count: int, *edition_3: int) -> int:
+        """One of so many choices, of which some came with the third edition of the standard."""
+        return self.rng.randrange(count)
+
+    def shift(self, name: str) -> str:
+        """By how many bits a value is shifted."""
+        return self.one(self.value("SINT", 0), f"SINT#{self.rng.randint(-2, 70)}")
+
     def special(self, name: str, depth: int) -> str:
         """What few integer types have."""
         value = self.value
@@ -223,14 +237,14 @@ class Maker:
 
     def bits(self, name: str, depth: int) -> str:
         value = self.value
-        choice = self.rng.randrange(5)
+        choice = self.draw(5, 3)
         if choice == 0:
             return f"({value(name, depth)} {self.one('AND', 'OR', 'XOR')} {self.operand(name, depth)})"
         if choice == 1:
             return f"(NOT {value(name, depth)})"
         if choice == 2:
-            count = self.one(value("SINT", 0), f"SINT#{self.rng.randint(-2, 70)}")
-            return f"{self.one('SHL', 'SHR', 'ROL', 'ROR')}({value(name, depth)}, {count})"
+            by = self.shift(name)
+            return f"{self.one('SHL', 'SHR', 'ROL', 'ROR')}({value(name, depth)}, {by})"
         if choice == 3 and name in ("BYTE", "WORD"):
             size, count = ("B", 4) if name == "BYTE" else ("W", 2)
             return f"{self.place('DWORD', 0)}.%{size}{self.rng.randrange(count)}"
@@ -241,7 +255,7 @@ class Maker:
 
     def bool(self, name: str, depth: int) -> str:
         value = self.value
-        choice = self.rng.randrange(6)
+        choice = self.draw(6, 2, 3)
         if choice == 0:
             return f"({value(name, depth)} {self.one('AND', 'OR', 'XOR', '=', '<>')} {value(name, depth)})"
         if choice == 1:
@@ -250,14 +264,13 @@ class Maker:
             return f"{self.place('WORD', 0)}.%X{self.rng.randrange(16)}"
         if choice == 3:
             return f"STRING_TO_BOOL({value('STRING', depth)})"
-        kinds = ("signed", "unsigned", "bits", "real", "time", "date")
-        compared = "STRING" if self.rng.random() < 0.2 else self.other(*kinds)
+        compared = "STRING" if self.rng.random() < 0.2 else self.other(*self.ordered)
         sign = self.one("<", ">", "<=", ">=", "=", "<>")
         return f"({value(compared, depth)} {sign} {self.operand(compared, depth)})"
 
     def real(self, name: str, depth: int) -> str:
         value = self.value
-        choice = self.rng.randrange(6)
+        choice = self.draw(6, 4)
         if choice < 2:
             return f"({value(name, depth)} {self.one('+', '-', '*', '/')} {self.operand(name, depth)})"
         if choice == 2:

@@ -39,6 +39,8 @@ def common_program(seed: int) -> Program:
 
 
 class _CommonMaker(Maker):
+    ordered = ("signed", "unsigned", "bits", "real")
+
     def program(self) -> Program:
         made = super().program()
         text = made.text.replace("_TRUNC_", "_TO_").replace("CONTINUE;", "EXIT;")
@@ -61,42 +63,11 @@ class _CommonMaker(Maker):
             self.one(f"LEN({value('STRING', depth)})", f"FIND({value('STRING', depth)}, {value('STRING', 0)})")
         )
 
-    def bits(self, name: str, depth: int) -> str:
-        value = self.value
-        choice = self.rng.randrange(4)
-        if choice == 0:
-            return f"({value(name, depth)} {self.one('AND', 'OR', 'XOR')} {value(name, depth)})"
-        if choice == 1:
-            return f"(NOT {value(name, depth)})"
-        if choice == 2:
-            count = f"SINT#{self.rng.randint(0, elementary(name).bits)}"
-            return f"{self.one('SHL', 'SHR', 'ROL', 'ROR')}({value(name, depth)}, {count})"
-        source = self.other("signed", "unsigned", "bits", "bool")
-        return value(name, depth) if source == name else f"{source}_TO_{name}({value(source, depth)})"
+    def draw(self, count: int, *edition_3: int) -> int:
+        return self.rng.choice([choice for choice in range(count) if choice not in edition_3])
 
-    def bool(self, name: str, depth: int) -> str:
-        value = self.value
-        choice = self.rng.randrange(4)
-        if choice == 0:
-            return f"({value(name, depth)} {self.one('AND', 'OR', 'XOR', '=', '<>')} {value(name, depth)})"
-        if choice == 1:
-            return f"(NOT {value(name, depth)})"
-        compared = "STRING" if self.rng.random() < 0.2 else self.other("signed", "unsigned", "bits", "real")
-        return f"({value(compared, depth)} {self.one('<', '>', '<=', '>=', '=', '<>')} {value(compared, depth)})"
-
-    def real(self, name: str, depth: int) -> str:
-        value = self.value
-        choice = self.rng.randrange(5)
-        if choice < 2:
-            return f"({value(name, depth)} {self.one('+', '-', '*', '/')} {value(name, depth)})"
-        if choice == 2:
-            return f"{self.one('MIN', 'MAX')}({value(name, depth)}, {value(name, depth)})"
-        if choice == 3:
-            return str(
-                self.one(f"ABS({value(name, depth)})", f"(-{value(name, depth)})", f"SQRT({value(name, depth)})")
-            )
-        source = self.other("real", "signed", "unsigned")
-        return value(name, depth) if source == name else f"{source}_TO_{name}({value(source, depth)})"
+    def shift(self, name: str) -> str:
+        return f"SINT#{self.rng.randint(0, elementary(name).bits)}"
 
     def string(self, name: str, depth: int) -> str:
         text, count, place = self.value(name, depth), f"INT#{self.rng.randint(0, 4)}", f"INT#{self.rng.randint(1, 4)}"
