@@ -4,6 +4,8 @@
 
 enum { MOST = 32 }; /* largest number of joints */
 
+void chain_forward(int n, const double *links, const double *gravity, const double *q, const double *qd,
+                   const double *tau, double *qdd);
 void chain_forward_many(int count, int n, const double *links, const double *gravity, const double *q,
                         const double *qd, const double *tau, double *qdd);
 void chain_rollout(int ticks, int n, const double *links, const double *gravity, double *q, double *qd,

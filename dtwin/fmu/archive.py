@@ -6,6 +6,8 @@ import platform
 import re
 import tempfile
 import zipfile
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -14,7 +16,7 @@ from dtwin.controller.settings import ControlSettings
 from dtwin.errors import NativeError
 from dtwin.files import replacing
 from dtwin.fmu.description import Description, build_description, model_description_2, model_description_3
-from dtwin.fmu.sources import Subject, Version, source_files
+from dtwin.fmu.sources import Parts, Subject, Version, parts_of, source_files
 from dtwin.fmu.variables import Variable, cell_variables, controller_variables, twin_variables
 from dtwin.parameters import ArmParameters
 from iec61499.library import Library
@@ -59,13 +61,46 @@ def write_fmu(
         FunctionBlockError: the function blocks cannot be used.
         RecordingError: the file cannot be written.
     """
-    place, suffix = _platform(version)
     layout = _layout(blocks) if subject != "twin" else None
     variables = _variables(subject, arm or ArmParameters(), settings or ControlSettings(), layout)
-    texts = source_files(subject, version, variables, layout)
+    model = Model(subject, SUMMARIES[subject], variables, layout, parts_of(subject), subject == "twin")
+    write_model(path, version, model)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Model:
+    """A model that becomes an FMU.
+
+    Attributes:
+        subject: what it is.
+        summary: the same in a line for people.
+        variables: its variables.
+        layout: the layout of its function blocks, None without any.
+        parts: its sources.
+        has_derivatives: whether it gives directional derivatives.
+    """
+
+    subject: Subject
+    summary: str
+    variables: Sequence[Variable]
+    layout: Layout | None
+    parts: Parts
+    has_derivatives: bool = False
+
+
+def write_model(path: Path, version: Version, made: Model) -> None:
+    """Writes a model as an FMU for co-simulation with a binary for this machine and all sources.
+
+    Raises:
+        NativeError: there is no C compiler, or FMI has no name for this machine.
+        RecordingError: the file cannot be written.
+    """
+    place, suffix = _platform(version)
+    texts = source_files(made.subject, version, made.variables, made.layout, made.parts)
     token = re.search(r'model_token\[\] = "(.*)"', texts["variables.c"])
     assert token is not None
-    model = Description(subject, SUMMARIES[subject], token[1], variables, has_derivatives=subject == "twin")
+    subject, variables, period = made.subject, made.variables, made.parts.period
+    model = Description(subject, made.summary, token[1], variables, made.has_derivatives, period)
     files: dict[str, bytes] = {f"sources/{name}": text.encode() for name, text in texts.items()}
     if version == "3.0":
         files["modelDescription.xml"] = model_description_3(model)

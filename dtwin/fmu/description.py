@@ -24,6 +24,15 @@ _UNITS: Final[dict[str, dict[str, int]]] = {
     "V": {"kg": 1, "m": 2, "s": -3, "A": -1},
     "N m": {"kg": 1, "m": 2, "s": -2},
     "N m/V": {"A": 1, "s": 1},
+    "N m/A": {"kg": 1, "m": 2, "s": -2, "A": -1},
+    "N/V": {"A": 1, "s": 1, "m": -1},
+    "N/A": {"kg": 1, "m": 1, "s": -2, "A": -1},
+    "A": {"A": 1},
+    "N": {"kg": 1, "m": 1, "s": -2},
+    "N s/m": {"kg": 1, "s": -1},
+    "kg m": {"kg": 1, "m": 1},
+    "m/s": {"m": 1, "s": -1},
+    "m/s^2": {"m": 1, "s": -2},
     "N m s/rad": {"kg": 1, "m": 2, "s": -1, "rad": -1},
 }
 """Exponents of the base units."""
@@ -48,6 +57,7 @@ class Description:
         token: what tells it from others.
         variables: its variables; the value reference is the place.
         has_derivatives: whether it gives directional derivatives.
+        period: time from one sample of its controller to the next, s.
     """
 
     subject: Subject
@@ -55,6 +65,7 @@ class Description:
     token: str
     variables: Sequence[Variable]
     has_derivatives: bool
+    period: float = PERIOD
 
     @property
     def identifier(self) -> str:
@@ -70,11 +81,11 @@ def model_description_3(model: Description) -> bytes:
     if model.has_derivatives:
         simulation["providesDirectionalDerivatives"] = "true"
     if model.subject != "twin":
-        simulation["fixedInternalStepSize"] = repr(PERIOD)
+        simulation["fixedInternalStepSize"] = repr(model.period)
     etree.SubElement(root, "CoSimulation", simulation)
     _units(root, model.variables)
     _log_categories(root)
-    _experiment(root)
+    _experiment(root, model.period)
     references = {variable.name: str(k) for k, variable in enumerate(model.variables)}
     listed = etree.SubElement(root, "ModelVariables")
     for variable in model.variables:
@@ -107,7 +118,7 @@ def model_description_2(model: Description, sources: Iterable[str]) -> bytes:
         etree.SubElement(files, "File", name=name)
     _units(root, model.variables)
     _log_categories(root)
-    _experiment(root)
+    _experiment(root, model.period)
     # time is listed in FMI 3.0 alone; here some importers ask for its start value, which it cannot have
     numbered = [pair for pair in enumerate(model.variables) if pair[1].causality != "independent"]
     places = {variable.name: str(k) for k, (_, variable) in enumerate(numbered, 1)}
@@ -171,8 +182,8 @@ def _log_categories(root: etree._Element) -> None:
         etree.SubElement(categories, "Category", name=name, description=text)
 
 
-def _experiment(root: etree._Element) -> None:
-    etree.SubElement(root, "DefaultExperiment", startTime="0.0", stopTime=repr(DURATION), stepSize=repr(PERIOD))
+def _experiment(root: etree._Element, period: float) -> None:
+    etree.SubElement(root, "DefaultExperiment", startTime="0.0", stopTime=repr(DURATION), stepSize=repr(period))
 
 
 def _attributes(variable: Variable) -> dict[str, str]:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, Literal
 
@@ -20,9 +21,9 @@ PROGRAM: Final = "program"
 """Name of the C unit of the function blocks."""
 _FOLDER: Final = Path(__file__).parent / "c"
 _PARTS: Final[dict[Subject, tuple[str, ...]]] = {
-    "twin": ("arm",),
-    "controller": ("control",),
-    "cell": ("arm", "control"),
+    "twin": ("arm.h", "arm.c", "equations.h"),
+    "controller": ("control.h", "control.c", "tick.c"),
+    "cell": ("arm.h", "arm.c", "equations.h", "control.h", "control.c", "tick.c"),
 }
 _TYPES: Final = {
     "Float64": "MODEL_REAL",
@@ -36,8 +37,36 @@ _TIME_ROUNDING: Final = 1e-6
 """Time by which a simulator's communication points may differ from the sum of its steps near time 0, s."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Parts:
+    """What the C files of a model hold beside what those of all models do.
+
+    Attributes:
+        texts: the texts of further files, by name; SUBJECT.h among them defines `struct model`.
+        period: time from one sample of the controller to the next, s.
+        start: what is set at the beginning beside variables: literals of C by the lvalue below the model.
+        constants: further whole numbers for constants.h, by name.
+    """
+
+    texts: Mapping[str, str]
+    period: float = PERIOD
+    start: Mapping[str, str] = field(default_factory=dict)
+    constants: Mapping[str, int] = field(default_factory=dict)
+
+
+def parts_of(subject: Subject) -> Parts:
+    """The parts of a model with the arm of the cell."""
+    return Parts(texts_of((f"{subject}.h", f"{subject}.c", *_PARTS[subject])))
+
+
+def texts_of(names: Sequence[str], folder: str = "") -> dict[str, str]:
+    """The texts of hand-written files by their names: those of a folder below `c`, or else of `c` itself."""
+    places = {name: _FOLDER / folder / name for name in names}
+    return {name: (place if place.is_file() else _FOLDER / name).read_text() for name, place in places.items()}
+
+
 def source_files(
-    subject: Subject, version: Version, variables: Sequence[Variable], layout: Layout | None
+    subject: Subject, version: Version, variables: Sequence[Variable], layout: Layout | None, parts: Parts
 ) -> dict[str, str]:
     """The texts of all C files of a model, by name.
 
@@ -46,6 +75,7 @@ def source_files(
         version: version of FMI.
         variables: its variables.
         layout: the layout of the function blocks, if it has some.
+        parts: what it consists of.
     """
     number = version[0]
     names = [
@@ -57,23 +87,18 @@ def source_files(
         "instance.c",
         "snapshots.c",
         "model.h",
-        f"{subject}.h",
-        f"{subject}.c",
     ]
-    for part in _PARTS[subject]:
-        names += [f"{part}.h", f"{part}.c"]
-    if "arm" in _PARTS[subject]:
-        names.append("equations.h")
-    texts = {name: (_FOLDER / name).read_text() for name in names}
+    texts = {**texts_of(names), **parts.texts}
     if layout is not None:
         texts |= unit_files(unit_of(layout, PROGRAM), PROGRAM)
-    texts["constants.h"] = _constants()
-    return texts | {"variables.c": _table(subject, variables, token_of(variables, texts))}
+    texts["constants.h"] = _constants(parts)
+    token = token_of((variables, sorted(parts.start.items())), texts)
+    return texts | {"variables.c": _table(subject, variables, parts, token)}
 
 
-def token_of(variables: Sequence[Variable], texts: dict[str, str]) -> str:
-    """What tells a model from others: equal sources and variables have equal tokens."""
-    digest = hashlib.sha256(repr(variables).encode())
+def token_of(values: object, texts: dict[str, str]) -> str:
+    """What tells a model from others: equal sources and values have equal tokens."""
+    digest = hashlib.sha256(repr(values).encode())
     for name, text in sorted(texts.items()):
         digest.update(f"{name}\0{text}\0".encode())
     hexadecimal = digest.hexdigest()
@@ -81,21 +106,22 @@ def token_of(variables: Sequence[Variable], texts: dict[str, str]) -> str:
     return f"{{{'-'.join(parts)}}}"
 
 
-def _constants() -> str:
+def _constants(parts: Parts) -> str:
     values = {
         "GRAVITY": GRAVITY,
         "VOLTAGE_LIMIT": VOLTAGE_LIMIT,
-        "PERIOD": PERIOD,
+        "PERIOD": parts.period,
         "CLOCK_ROUNDING": _CLOCK_ROUNDING,
         "TIME_ROUNDING": _TIME_ROUNDING,
         "LONGEST_DURATION": LONGEST_DURATION,
         "FARTHEST_TIME": FARTHEST_TIME,
+        **parts.constants,
     }
     lines = [f"#define {name} {value!r}" for name, value in values.items()]
     return "\n".join(["/* Numbers of the cell, SI units. */", *lines, ""])
 
 
-def _table(subject: Subject, variables: Sequence[Variable], token: str) -> str:
+def _table(subject: Subject, variables: Sequence[Variable], parts: Parts, token: str) -> str:
     """The text of variables.c."""
     lines = ["#include <string.h>", "", f'#include "{subject}.h"', '#include "model.h"', ""]
     lines.append("const struct model_variable model_variables[] = {")
@@ -116,6 +142,7 @@ def _table(subject: Subject, variables: Sequence[Variable], token: str) -> str:
         elif variable.start is not None:
             value = str(variable.start).lower() if isinstance(variable.start, bool) else repr(variable.start)
             lines.append(f"    model->{variable.member} = {value};")
+    lines += [f"    model->{member} = {literal};" for member, literal in parts.start.items()]
     lines += ["}", "", "uint64_t model_events(const struct model *model)", "{", "    uint64_t bits = 0;"]
     for variable in variables:
         if variable.causality == "output" and variable.kind == "Boolean":

@@ -8,6 +8,8 @@ from typing import ClassVar
 
 import tyro
 
+from dtwin.commands.cell.chain import THESIS
+from dtwin.commands.exchange.chain import write_arm
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import ParameterError
 from dtwin.fmu.archive import write_fmu
@@ -30,13 +32,17 @@ class _Fmu:
     """Version of FMI, both for co-simulation."""
     store: Path = STORE
     """Folder of the kept models."""
+    arm: str = THESIS
+    """Another arm: a name of arms/, its file (*.toml), which may be one that was identified, or a model (*.urdf,
+    *.xml)."""
 
     def execute(self) -> int:
-        write_fmu(self.file, self.subject, self.fmi, self.arm(), self.settings())
+        if not write_arm(self):
+            write_fmu(self.file, self.subject, self.fmi, self.simulated(), self.settings())
         print(printable(str(self.file)))
         return 0
 
-    def arm(self) -> ArmParameters:
+    def simulated(self) -> ArmParameters:
         """The arm that is simulated at first."""
         return ArmParameters()
 
@@ -58,8 +64,11 @@ class _Arm(_Fmu):
     given."""
     set: tuple[str, ...] = ()
     """A parameter with which the arm starts, e.g. D2=0.1 or mu1=0.02; repeatable."""
+    machine: str | None = None
+    """What the arm of --arm is: ideal without dry friction, nominal as its file says, which is the usual one, or a
+    number to draw it by."""
 
-    def arm(self) -> ArmParameters:
+    def simulated(self) -> ArmParameters:
         return (self.known(self.model) or ArmParameters()).with_values(dict(map(assignment, self.set)))
 
 
@@ -69,6 +78,12 @@ class _Controlled(ControlOptions, _Fmu):
 
     controller_model: str | None = None
     """Identified model of the controller: a file or a name in --store."""
+    poses: Path | None = None
+    """TOML file of the poses that the arm of --arm takes; some that are drawn if not given (docs/arms.md)."""
+    path: Path | None = None
+    """CSV file of a path that the arm of --arm follows (docs/arms.md)."""
+    sort: Path | None = None
+    """TOML file of a sorting task for the arm of --arm (docs/arms.md)."""
 
     def settings(self) -> ControlSettings:
         """The settings of the controller at first.

@@ -36,7 +36,8 @@ class ChainController:
     """
 
     def __init__(self, joints: int, values: Mapping[str, Any], blocks: Path = LIBRARY) -> None:
-        self.resource: Blocks = running(_started(network(joints)), _library(blocks, Library([blocks]).stamp()))
+        drawn = started_network(network(joints))
+        self.resource: Blocks = running(drawn, _library(blocks, Library([blocks]).stamp()))
         for name, value in values.items():
             self.resource.write(name, value)
         servers = [self.resource.server(name) for name in (ARM, VERDICT, TWIN)]
@@ -117,7 +118,7 @@ def _library(blocks: Path, stamp: tuple[tuple[str, int, int], ...]) -> Library:
     return Library([blocks])
 
 
-def _started(drawn: model.FBNetwork) -> model.FBNetwork:
+def started_network(drawn: model.FBNetwork) -> model.FBNetwork:
     """The network with what starts it on a resource."""
     begins = tuple(model.Connection(f"START.{name}", f"{ARM}.INIT") for name in ("COLD", "WARM"))
     start = model.Block("START", "E_RESTART")

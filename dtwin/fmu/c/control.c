@@ -32,10 +32,10 @@ void control_reset(struct control *control)
 {
     memset(control, 0, sizeof *control);
     program__initialise(&control->program);
-    control->program.EMULATOR.attached__ = true;
+    control_attach(control);
 }
 
-static const char *told(int32_t problem)
+const char *control_problem(int32_t problem)
 {
     const bool is_known = problem > 0 && (size_t)problem < sizeof problems / sizeof problems[0];
     return problem == FB_FINE ? NULL : is_known ? problems[problem] : "a function block failed";
@@ -44,7 +44,7 @@ static const char *told(int32_t problem)
 const char *control_begin(struct control *control)
 {
     control->wait = 0.0;
-    return told(program__cold(&control->program));
+    return control_problem(program__cold(&control->program));
 }
 
 /* The clock counts whole periods from tick to tick, so that no sum of times has to be told from a whole number. */
@@ -59,31 +59,6 @@ int64_t control_pass(struct control *control, double duration, double rounding)
     const double due = ticks > 0.0 ? ticks : 0.0;
     control->wait = (control->wait - duration) + due * PERIOD;
     return (int64_t)due;
-}
-
-const char *control_tick(struct control *control)
-{
-    struct program__EMULATOR__request request;
-    struct program__EMULATOR__answer answer = {0};
-    const size_t length = strlen(control->box_colour);
-    int32_t problem;
-    request.RD_1 = control->theta[0];
-    request.RD_2 = control->theta[1];
-    request.RD_3 = control->theta[2];
-    request.RD_4 = control->gripper;
-    request.RD_5 = control->box_present;
-    request.RD_6.length = (uint16_t)length;
-    memcpy(request.RD_6.text, control->box_colour, length);
-    problem = program__exchange__EMULATOR(&control->program, &request, &answer);
-    control->volts[0] = answer.SD_1;
-    control->volts[1] = answer.SD_2;
-    control->volts[2] = answer.SD_3;
-    control->volts[3] = answer.SD_4;
-    control->box_gripped = answer.SD_5;
-    if (problem == FB_FINE && !(isfinite(answer.SD_1) && isfinite(answer.SD_2) && isfinite(answer.SD_3))) {
-        return "the function blocks answered with a voltage that is not finite";
-    }
-    return told(problem);
 }
 
 bool control_is_sound(const struct control *control)

@@ -19,6 +19,12 @@ struct control {
     double wait; /* until the next tick is due */
 };
 
+/* Connects the block that talks with the arm. */
+void control_attach(struct control *control);
+
+/* What went wrong, or a null pointer. */
+const char *control_problem(int32_t problem);
+
 /* Copies all but the queue of events, which is empty between two calls. */
 void control_copy(struct control *to, const struct control *from);
 

@@ -1,0 +1,174 @@
+#include "arm.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "chain.h"
+#include "geometry.h"
+
+/* A share of a step that is rounding alone. */
+#define ROUNDING 1e-9
+#define SIZE 25 /* numbers of a link in chain.c */
+
+/* What the equations need of the parameters. */
+struct coefficients {
+    double links[JOINTS * SIZE];
+    double torque[JOINTS]; /* of the drives */
+};
+
+static void point_mass(double mass, const double *at, double *body)
+{
+    const double square = at[0] * at[0] + at[1] * at[1] + at[2] * at[2];
+    int i;
+    body[0] += mass;
+    for (i = 0; i < 3; ++i) {
+        body[1 + i] += mass * at[i];
+    }
+    body[4] += mass * (square - at[0] * at[0]);
+    body[5] -= mass * at[0] * at[1];
+    body[6] += mass * (square - at[1] * at[1]);
+    body[7] -= mass * at[0] * at[2];
+    body[8] -= mass * at[1] * at[2];
+    body[9] += mass * (square - at[2] * at[2]);
+}
+
+/* The numbers of a body in a frame whose axes are the columns of a rotation. */
+static void turned(const double *body, const double (*axes)[3], double *out)
+{
+    const double full[3][3] = {
+        {body[4], body[5], body[7]}, {body[5], body[6], body[8]}, {body[7], body[8], body[9]}};
+    double half[3][3];
+    int i, j, k, place = 4;
+    out[0] = body[0];
+    for (i = 0; i < 3; ++i) {
+        out[1 + i] = axes[0][i] * body[1] + axes[1][i] * body[2] + axes[2][i] * body[3];
+        for (j = 0; j < 3; ++j) {
+            half[i][j] = full[i][0] * axes[0][j] + full[i][1] * axes[1][j] + full[i][2] * axes[2][j];
+        }
+    }
+    for (i = 0; i < 3; ++i) {
+        for (j = 0; j <= i; ++j) {
+            out[place] = 0.0;
+            for (k = 0; k < 3; ++k) {
+                out[place] += axes[k][i] * half[k][j];
+            }
+            ++place;
+        }
+    }
+}
+
+static void coefficients_of(const struct arm *arm, struct coefficients *equations)
+{
+    int i;
+    for (i = 0; i < JOINTS; ++i) {
+        double body[10], *link = equations->links + SIZE * i;
+        const double command = fmin(fmax(arm->u[i], -arm->limit[i]), arm->limit[i]);
+        memcpy(body, arm->body[i], sizeof body);
+        if (i == JOINTS - 1) {
+            point_mass(arm->payload, chain_tool, body);
+        }
+        memcpy(link, chain_frames[i], 12 * sizeof *link);
+        turned(body, chain_axes[i], link + 12);
+        link[22] = chain_turns[i];
+        link[23] = arm->rotor[i];
+        link[24] = arm->viscous[i];
+        equations->torque[i] = arm->constant[i] * command;
+    }
+}
+
+static void accelerate(const struct arm *arm, const struct coefficients *equations, const double *q, const double *qd,
+                       double *qdd)
+{
+    double torque[JOINTS];
+    int i;
+    for (i = 0; i < JOINTS; ++i) {
+        const double dry = arm->coulomb[i] + arm->share[i] * arm->carried[i];
+        torque[i] = equations->torque[i] - (dry != 0.0 ? dry * tanh(qd[i] / arm->coulomb_width) : 0.0);
+    }
+    chain_forward(JOINTS, equations->links, chain_gravity, q, qd, torque, qdd);
+}
+
+/* One step of the classical Runge-Kutta method. Friction follows the torque that gears carry at its beginning. */
+static void runge_kutta(struct arm *arm, const struct coefficients *equations, double step)
+{
+    double a[4][JOINTS], v[4][JOINTS], x[JOINTS];
+    int i, k;
+    for (k = 0; k < 4; ++k) {
+        const double part = k == 0 ? 0.0 : k == 3 ? step : 0.5 * step;
+        for (i = 0; i < JOINTS; ++i) {
+            x[i] = arm->q[i] + (k > 0 ? part * v[k - 1][i] : 0.0);
+            v[k][i] = arm->qd[i] + (k > 0 ? part * a[k - 1][i] : 0.0);
+        }
+        accelerate(arm, equations, x, v[k], a[k]);
+        for (i = 0; i < JOINTS && k == 0; ++i) {
+            arm->carried[i] = fabs(equations->torque[i] - arm->rotor[i] * a[0][i]);
+        }
+    }
+    for (i = 0; i < JOINTS; ++i) {
+        arm->q[i] += step / 6.0 * (v[0][i] + 2.0 * v[1][i] + 2.0 * v[2][i] + v[3][i]);
+        arm->qd[i] += step / 6.0 * (a[0][i] + 2.0 * a[1][i] + 2.0 * a[2][i] + a[3][i]);
+    }
+}
+
+static void put_to_start(struct arm *arm)
+{
+    memcpy(arm->q, arm->q_start, sizeof arm->q);
+    memcpy(arm->qd, arm->qd_start, sizeof arm->qd);
+    memset(arm->carried, 0, sizeof arm->carried);
+}
+
+void arm_begin(struct arm *arm)
+{
+    put_to_start(arm);
+    arm->begun = true;
+}
+
+void arm_refresh(struct arm *arm)
+{
+    struct coefficients equations;
+    coefficients_of(arm, &equations);
+    if (!arm->begun) {
+        put_to_start(arm);
+    }
+    accelerate(arm, &equations, arm->q, arm->qd, arm->qdd);
+}
+
+static bool is_finite(const struct arm *arm)
+{
+    bool finite = true;
+    int i;
+    for (i = 0; i < JOINTS; ++i) {
+        finite = finite && isfinite(arm->q[i]) && isfinite(arm->qd[i]) && isfinite(arm->carried[i]);
+    }
+    return finite;
+}
+
+const char *arm_advance(struct arm *arm, double duration, double rounding)
+{
+    struct coefficients equations;
+    const double slack = fmax(ROUNDING * arm->longest_step, rounding);
+    const double steps = fmax(1.0, ceil((duration - slack) / arm->longest_step));
+    /* a duration that differs from whole steps by rounding counts as whole steps */
+    const bool is_whole = fabs(steps * arm->longest_step - duration) <= slack;
+    const double step = is_whole ? arm->longest_step : duration / steps;
+    bool finite = true;
+    double k;
+    int i;
+    coefficients_of(arm, &equations);
+    for (k = 0.0; k < steps && finite; k += 1.0) {
+        runge_kutta(arm, &equations, step);
+        finite = is_finite(arm);
+    }
+    accelerate(arm, &equations, arm->q, arm->qd, arm->qdd);
+    for (i = 0; i < JOINTS; ++i) {
+        finite = finite && isfinite(arm->qdd[i]);
+    }
+    return finite ? NULL : "the motion of the arm is not finite: expected another longest_step or other parameters";
+}
+
+bool arm_is_sound(const struct arm *arm)
+{
+    unsigned char begun;
+    memcpy(&begun, &arm->begun, sizeof begun);
+    return begun <= 1 && is_finite(arm);
+}
