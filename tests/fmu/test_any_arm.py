@@ -92,7 +92,9 @@ def test_the_twin_is_the_chain_twin(opened: Opened, name: str, version: Version)
     limit = np.array([joint.actuator.limit for joint in arm.joints])
     commands = 0.3 * limit * np.sin(np.outer(np.arange(ticks) * arm.period, generator.uniform(1.0, 5.0, n)))
     torque: Array = commands * np.array([joint.actuator.constant for joint in arm.joints])
-    q, qd = NativeChain(arm).rollout(0.1 * np.arange(n), np.zeros(n), torque, arm.period / STEPS, STEPS)
+    q, qd = NativeChain(arm).rollout(
+        0.1 * np.arange(n, dtype=np.float64), np.zeros(n), torque, arm.period / STEPS, STEPS
+    )
     for tick in range(ticks):
         for k in range(n):
             fmu.put(f"u{k + 1}", commands[tick, k])
