@@ -21,6 +21,7 @@ from dtwin.run.options import CellFileOption
 from dtwin.services.service import Link, Service, main
 
 if TYPE_CHECKING:
+    from dtwin.console.hub import Clocks, Hub
     from dtwin.console.web.listening import Bound, Web
 
 log = logging.getLogger(__name__)
@@ -75,6 +76,16 @@ class ConsoleOptions(CellFileOption):
         with bound.sock:
             yield bound
 
+    def hub(self, bus: Bus, cell: str, arm: str, clocks: Clocks) -> Hub:
+        """What gathers what the cell says.
+
+        Raises:
+            DtwinError: the file of the cell cannot be used.
+        """
+        from dtwin.console.hub import Hub
+
+        return Hub(bus, cell, arm, clocks, self.task())
+
     @contextmanager
     def serving(self, bound: Bound, bus: Bus, cell: str, arm: str) -> Iterator[Web]:
         """The web server while it listens.
@@ -85,7 +96,7 @@ class ConsoleOptions(CellFileOption):
         from dtwin.console.annunciator import Annunciator
         from dtwin.console.commands import Files
         from dtwin.console.console import Console
-        from dtwin.console.hub import Clocks, Hub
+        from dtwin.console.hub import Clocks
         from dtwin.console.people.audit import Audit
         from dtwin.console.people.users import Users
         from dtwin.console.web.listening import Web
@@ -94,7 +105,7 @@ class ConsoleOptions(CellFileOption):
         if users is not None:
             users.read()
         clocks = Clocks(time.monotonic, time.time)
-        hub = Hub(bus, cell, arm, clocks, self.task())
+        hub = self.hub(bus, cell, arm, clocks)
         files = Files(self.store, self.history, self.recordings)
         annunciator = Annunciator(self.alarms)
         user = getpass.getuser()

@@ -36,7 +36,7 @@ from dtwin.run.loop import tick_count
 from dtwin.run.options import ArmOptions, CellFileOption, ControlOptions, PlantOptions
 from dtwin.run.settings import CellSettings, metadata, sequence_name
 from dtwin.services import runfile
-from dtwin.services.chain.starting import OtherArm, OtherArmOptions, other_arm, programs_of
+from dtwin.services.chain.starting import ALARMS, AUDIT, OtherArm, OtherArmOptions, other_arm, programs_of
 from dtwin.services.parts.fence import fence_warning
 from dtwin.services.parts.journal import carry_over
 from dtwin.services.parts.launched import Launched
@@ -50,10 +50,6 @@ from dtwin.simulation.history import HISTORY
 from dtwin.view.viewer import LOOPBACK, Detail, Ports, Viewer, free_ports
 from iec61499.net.address import LocalAddress, parse_address
 
-AUDIT: Final = Path("console-audit.jsonl")
-"""Default file of the commands that are given at the console, in the working directory."""
-ALARMS: Final = Path("console-alarms.jsonl")
-"""Default journal of the alarms at the console, in the working directory."""
 MANAGEMENT: Final = 61499
 """Port of device management, here the name of a socket."""
 SILENCE: Final = 10.0
@@ -206,7 +202,7 @@ class CellOptions(PlantOptions, ControlOptions, OtherArmOptions):
         link += ["--zenoh", str(self.zenoh.resolve())] if self.zenoh else ["--meet", meet]
         turns = self._turns()
         if (other := self.other) is not None:
-            return programs_of(other, self, [*link, *turns])
+            return programs_of(other, self, [*link, *turns], console)
         programs = []
         management = self.management(file)
         if self.controller.startswith("forte://"):

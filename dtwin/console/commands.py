@@ -159,7 +159,8 @@ class ConsoleCommand:
             raise ParameterError(f"{self.name}: {error}") from None
 
 
-def _missing(state: CellState, service: str, option: str) -> str:
+def missing(state: CellState, service: str, option: str) -> str:
+    """Why a command that needs a service is not possible, "" if the service is there; `option` starts it."""
     health = state.services.get(service)
     if health is not None and health.here:
         return ""
@@ -178,7 +179,7 @@ def _release_blocked(state: CellState) -> str:
 
 
 def _learn_blocked(state: CellState) -> str:
-    if reason := _missing(state, "monitoring", "--monitoring"):
+    if reason := missing(state, "monitoring", "--monitoring"):
         return reason
     verdict = state.verdict
     found = (
@@ -190,19 +191,19 @@ def _learn_blocked(state: CellState) -> str:
 
 
 def _start_blocked(state: CellState) -> str:
-    if reason := _missing(state, "monitoring", "--monitoring"):
+    if reason := missing(state, "monitoring", "--monitoring"):
         return reason
     return "the monitor watches already" if state.watch is not None and state.watch.running else ""
 
 
 def _leave_blocked(state: CellState) -> str:
-    if reason := _missing(state, "monitoring", "--monitoring"):
+    if reason := missing(state, "monitoring", "--monitoring"):
         return reason
     return "the monitor is stopped already" if state.watch is not None and not state.watch.running else ""
 
 
 def _identify_blocked(state: CellState) -> str:
-    if reason := _missing(state, "identification", "--identification"):
+    if reason := missing(state, "identification", "--identification"):
         return reason
     if state.stop != "none":
         return "the arm is stopped"
@@ -212,7 +213,7 @@ def _identify_blocked(state: CellState) -> str:
 
 
 def _decide_blocked(state: CellState) -> str:
-    if reason := _missing(state, "identification", "--identification"):
+    if reason := missing(state, "identification", "--identification"):
         return reason
     identification = state.identification
     proposed = identification is not None and identification.phase == "proposed"
@@ -220,7 +221,7 @@ def _decide_blocked(state: CellState) -> str:
 
 
 def _upload_blocked(state: CellState) -> str:
-    return _missing(state, "simulation", "--simulation")
+    return missing(state, "simulation", "--simulation")
 
 
 def _roll_back_blocked(state: CellState) -> str:
@@ -236,7 +237,7 @@ def _decision_blocked(state: CellState) -> str:
 
 
 def _fault_blocked(state: CellState) -> str:
-    return _missing(state, "emulator", "")
+    return missing(state, "emulator", "")
 
 
 def _settings(form: Settings, user: str, files: Files) -> UploadRequest:

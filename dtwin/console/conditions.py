@@ -8,12 +8,26 @@ from typing import Final
 from dtwin.bus.twin_messages import IdentificationState, MonitoringVerdict, Upload
 from dtwin.bus.verdicts.opinion import is_known
 from dtwin.console.telling import Condition, Health
-from dtwin.signals import Stop
+from dtwin.signals import EventKind, Stop
 
 STALE: Final = 1.0
 """Age from which on a value counts as stale, s."""
 GOOD: Final = frozenset({"running", "waiting", "starting", "stopped", "off"})
 """States of a service that are no condition of their own; a stop has one already."""
+NEWS: Final = frozenset(
+    {
+        *(
+            EventKind.OPERATOR,
+            EventKind.RECOVERY,
+            EventKind.STOP,
+            EventKind.UPLOAD,
+            EventKind.CONFIRM,
+            EventKind.ROLL_BACK,
+        ),
+        EventKind.PROPOSAL,
+    }
+)
+"""Events after which what is not published may be another."""
 _MEANING: Final[Mapping[Stop, str]] = {
     "none": "",
     "braking": "the arm brakes for a stop",

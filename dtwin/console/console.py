@@ -15,7 +15,7 @@ from dtwin.bus.session import Bus
 from dtwin.bus.stopping import stop
 from dtwin.bus.twin_messages import DeskState, MonitoringVerdict, Upload, WatchState
 from dtwin.console.annunciator import Annunciator, Treatment
-from dtwin.console.commands import COMMANDS, ConsoleCommand, Files
+from dtwin.console.commands import ConsoleCommand, Files
 from dtwin.console.conditions import STALE
 from dtwin.console.hub import Clocks, Hub
 from dtwin.console.people.audit import Audit, AuditEntry
@@ -93,7 +93,7 @@ class Console:
         self.sessions = Sessions()
         self.attempts = Attempts()
         self.desk = hub.desk
-        self.ring = Ring(hub.task.colours)
+        self.ring = Ring(hub.task.colours, hub.joints)
         hub.keep = self.ring.add
         self._bus = bus
         self._audit = audit
@@ -126,7 +126,7 @@ class Console:
             session.role,
             desk.user,
             desk.session == session.name,
-            {name: self.refusal(command, session, state) for name, command in COMMANDS.items()},
+            {name: self.refusal(command, session, state) for name, command in self.hub.commands.items()},
         )
 
     def refusal(self, command: ConsoleCommand, session: Session, state: CellState) -> str:
@@ -146,7 +146,7 @@ class Console:
         Raises:
             RecordingError: the audit file cannot be written; then the command is not given, unless it stops the arm.
         """
-        command = COMMANDS[name]
+        command = self.hub.commands[name]
         try:
             form = command.read(content)
             if not command.always:
@@ -185,7 +185,7 @@ class Console:
             return Answer(True, words(stopped.state) + trouble, msgspec.to_builtins(stopped.state))
         if isinstance(message, ProposalDecision):
             doors = {**DOORS, "answer": have_answered} if self.hub.is_here(RECOVERY) else DOORS
-            decided = decide(self._bus, message, doors)
+            decided = decide(self._bus, message, doors, self.hub.kept)
             return Answer(True, f"proposal {decided.number} is {decided.state}; {decided.outcome}".removesuffix("; "))
         assert command.topic.reply is not None
         reply: Any = self._bus.ask(command.topic, message, command.topic.reply)

@@ -6,7 +6,7 @@ import logging
 import math
 import threading
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final, TypeVar
 
@@ -38,17 +38,19 @@ from dtwin.bus.messages import (
     Topic,
 )
 from dtwin.bus.pairs import Pairs
+from dtwin.bus.proposals.deciding import CELL, Kept
 from dtwin.bus.proposals.messages import Look
 from dtwin.bus.session import Bus, Subscription
 from dtwin.bus.ticks import Tick
 from dtwin.bus.twin_messages import IdentificationState, MonitoringResiduals, MonitoringVerdict, WatchState
 from dtwin.bus.verdicts.opinion import Opinion
-from dtwin.console.conditions import conditions, doing
+from dtwin.console.commands import COMMANDS, ConsoleCommand
+from dtwin.console.conditions import NEWS, conditions, doing
 from dtwin.console.excited import ExcitedMotion
 from dtwin.console.people.occupancy import Occupancy
 from dtwin.console.telling import CellState, Frame, Health, spots
 from dtwin.errors import CommunicationError
-from dtwin.signals import Event, EventKind, Sensors, Stop, Voltages
+from dtwin.signals import Event, Sensors, Stop, Voltages
 from dtwin.task import DEFAULT_TASK, Task
 
 log = logging.getLogger(__name__)
@@ -69,20 +71,6 @@ FRESH: Final = 1000
 """Number of events that wait to be taken."""
 EVENTS_KEPT: Final = 60
 """Number of the last events that pages are told."""
-NEWS: Final = frozenset(
-    {
-        *(
-            EventKind.OPERATOR,
-            EventKind.RECOVERY,
-            EventKind.STOP,
-            EventKind.UPLOAD,
-            EventKind.CONFIRM,
-            EventKind.ROLL_BACK,
-        ),
-        EventKind.PROPOSAL,
-    }
-)
-"""Events after which what is not published may be another."""
 M = TypeVar("M", bound=msgspec.Struct)
 
 
@@ -117,7 +105,14 @@ class Hub:
         excited: motion of the last identification.
         desk: who has the desk of the cell.
         keep: takes ten frames a second, on one of Zenoh's threads.
+        joints: number of joints of the arm.
+        commands: what can be commanded in such a cell, by name.
+        kept: who keeps its proposals.
     """
+
+    joints: int = 3
+    commands: Mapping[str, ConsoleCommand] = COMMANDS
+    kept: Kept = CELL
 
     def __init__(self, bus: Bus, cell: str, arm: str, clocks: Clocks, task: Task = DEFAULT_TASK) -> None:
         self.task = task
@@ -152,14 +147,17 @@ class Hub:
     def listen(self) -> None:
         """Subscribes to all that is shown, and begins to ask for what is not published."""
         bus = self._bus
-        bus.subscribe(TICKS, PassedTicks, following_ticks(self._take_ticks, bus.refuse))
-        bus.subscribe(RESIDUALS, MonitoringResiduals, self._take_residuals)
+        self._listen_to_motion()
         bus.subscribe(MONITORING, MonitoringVerdict, self._take_verdict)
         bus.subscribe(IDENTIFICATION, IdentificationState, self._take_identification)
         bus.subscribe(EVENTS, Event, self._take_event)
         bus.subscribe(STATUS, Status, self._take_status)
         bus.watch_alive(self._take_token)
         self._asking.start()
+
+    def _listen_to_motion(self) -> None:
+        self._bus.subscribe(TICKS, PassedTicks, following_ticks(self._take_ticks, self._bus.refuse))
+        self._bus.subscribe(RESIDUALS, MonitoringResiduals, self._take_residuals)
 
     def close(self) -> None:
         """Ends the questions."""
@@ -173,18 +171,21 @@ class Hub:
         What is not published is asked for more often meanwhile.
         """
         if wanted and not self._followed:
-            bus = self._bus
-            self._followed = [
-                bus.subscribe(PATH, Path, self._take_path),
-                bus.subscribe(VOLTAGES, Voltages, self._take_acted),
-                bus.subscribe(ACTED, Acted, self._take_acted),
-                bus.subscribe(SENSORS, Sensors, Following(self._take_sensors, bus.refuse)),
-            ]
+            self._followed = self._samples_followed()
             self._news.set()
         elif not wanted and self._followed:
             for subscription in self._followed:
                 subscription.end()
             self._followed, self._on_path = [], None
+
+    def _samples_followed(self) -> list[Subscription]:
+        subscribe = self._bus.subscribe
+        return [
+            subscribe(PATH, Path, self._take_path),
+            subscribe(VOLTAGES, Voltages, self._take_acted),
+            subscribe(ACTED, Acted, self._take_acted),
+            subscribe(SENSORS, Sensors, Following(self._take_sensors, self._bus.refuse)),
+        ]
 
     def ask_again(self) -> None:
         """Asks at once for what may have changed by a command."""
@@ -204,7 +205,7 @@ class Hub:
         # An angle and a path of two samples would look like a distance from the path.
         sensors, path = self._on_path or (newest, None)
         heard = self._heard[1] - (newest.time - sensors.time if self._on_path else 0.0)
-        watched = residuals if residuals is not None and sensors.time - residuals.time < SILENT else None
+        watched = residuals if residuals and sensors.time - residuals.time < SILENT else None
         return Frame(
             sensors.time,
             round(max(0.0, self._clocks.steady() - self._heard[0]), 3),
@@ -368,8 +369,7 @@ class Hub:
         while not self._over.is_set():
             self._ask(SUMMARY, Summary)
             self.desk.look(self.is_here("bridge"))
-            if self.is_here("simulation"):
-                self._ask(LOOK, Look)
+            self._ask_settings()
             if self.is_here("monitoring") and (self._ask_watch or WatchState not in self._last):
                 self._ask_watch = False
                 self._ask(WATCH, WatchState)
@@ -384,6 +384,10 @@ class Hub:
                     self._ask_stop = True
             self._news.wait(ASKING if self._followed else ASKING_UNREAD)
             self._news.clear()
+
+    def _ask_settings(self) -> None:
+        if self.is_here("simulation"):
+            self._ask(LOOK, Look)
 
     def _ask(self, topic: Topic, reply: type[M]) -> M | None:
         """The answer of a topic without a message, remembered; None without one."""

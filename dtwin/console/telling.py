@@ -9,10 +9,11 @@ import msgspec
 from dtwin.bus.messages import Latency
 from dtwin.bus.proposals.messages import Proposal
 from dtwin.bus.twin_messages import IdentificationState, MonitoringVerdict, Upload, WatchState
-from dtwin.parameters import Triple
-from dtwin.signals import BoxCounts, Event, Quad, Stop
+from dtwin.signals import BoxCounts, Event, Stop
 from dtwin.task import PICKUP_NAME, Task
 
+Values = tuple[float, ...]
+"""One number for each joint."""
 Kind = Literal["service", "finding", "stop", "trial", "stale"]
 """Kinds of abnormal conditions."""
 
@@ -24,9 +25,9 @@ class Frame(msgspec.Struct, frozen=True, gc=False, tag_field="tell", tag="frame"
         time: plant time of the sample, s.
         age: time since the sample arrived here, s; None before the first one.
         heard: wall time at which the sample arrived here, ms since 1970.
-        theta: measured angles, rad.
-        path: angles of the controller's path, rad; None while nobody asks for it.
-        volts: voltages of joints 1 to 3 and the gripper, V.
+        theta: measured positions, rad or m.
+        path: positions on the controller's path, rad or m; None while nobody asks for it.
+        volts: commands of the drives, in their own units; of the thesis's arm also the voltage of the gripper, V.
         gripper: measured angle of the gripper, rad.
         gripped: whether the controller holds a box.
         box: colour of the box that waits, "" for none.
@@ -40,15 +41,15 @@ class Frame(msgspec.Struct, frozen=True, gc=False, tag_field="tell", tag="frame"
     time: float = 0.0
     age: float | None = None
     heard: float = 0.0
-    theta: Triple | None = None
-    path: Triple | None = None
-    volts: Quad | None = None
+    theta: Values | None = None
+    path: Values | None = None
+    volts: Values | None = None
     gripper: float = 0.0
     gripped: bool = False
     box: str = ""
-    predicted: Triple | None = None
-    residual: Triple | None = None
-    deviation: Triple | None = None
+    predicted: Values | None = None
+    residual: Values | None = None
+    deviation: Values | None = None
     evidence: float | None = None
     threshold: float | None = None
 
@@ -85,6 +86,44 @@ def spots(task: Task) -> dict[str, Spot]:
     for each in task.destinations:
         found[each.colour] = Spot(each.place.x, each.place.y, "#{:02x}{:02x}{:02x}".format(*each.rgb))
     return found
+
+
+class JointFace(msgspec.Struct, frozen=True):
+    """A joint of another arm than the thesis's, as it is drawn.
+
+    Attributes:
+        name: its name.
+        turns: whether its position is an angle (rad) and not a length (m).
+        command: unit of the command of its drive.
+        lower: least position; None for none.
+        upper: largest position; None for none.
+        limit: largest command of its drive; None for none.
+        rotation: attitude of its frame in that of the joint before at position 0, row by row, (9,).
+        translation: its origin there, (3,), m.
+        axis: its axis in its own frame, (3,).
+    """
+
+    name: str
+    turns: bool
+    command: str
+    lower: float | None
+    upper: float | None
+    limit: float | None
+    rotation: Values
+    translation: Values
+    axis: Values
+
+
+class ModelFace(msgspec.Struct, frozen=True):
+    """The newest entry in the history of an arm's models; the attributes are those of `JointUpload`."""
+
+    version: int
+    time: float
+    action: str
+    text: str
+    on_trial: bool
+    predicted: Values | None = None
+    measured: Values | None = None
 
 
 class Condition(msgspec.Struct, frozen=True):
@@ -125,6 +164,10 @@ class CellState(msgspec.Struct, frozen=True, tag_field="tell", tag="state"):
         places: places of the cell by name.
         events: last events, oldest first.
         conditions: what is abnormal now, the gravest first.
+        joints: the joints of another arm than the thesis's from the base on.
+        tool: its tool in the frame of the last link, (3,), m.
+        points: where its boxes wait and belong, by name, (3,), m, in the frame of the base.
+        model: the model by which its blocks reckon; None without the simulation service.
     """
 
     cell: str
@@ -145,3 +188,7 @@ class CellState(msgspec.Struct, frozen=True, tag_field="tell", tag="state"):
     places: dict[str, Spot] = {}
     events: tuple[Event, ...] = ()
     conditions: tuple[Condition, ...] = ()
+    joints: tuple[JointFace, ...] = ()
+    tool: Values = ()
+    points: dict[str, Values] = {}
+    model: ModelFace | None = None

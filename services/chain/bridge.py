@@ -18,6 +18,7 @@ from dtwin.arm.adjustment import Adjustment
 from dtwin.arm.model import ArmModel
 from dtwin.bus.chain.messages import JointAdjustment, JointCommands, JointModel, JointSensors
 from dtwin.bus.messages import ADJUSTED, ADJUSTMENT, EVENTS, JOINT_COMMANDS, JOINT_SENSORS, MODEL, State
+from dtwin.console.people.desk import keep_desk
 from dtwin.controller.chain.application import inputs
 from dtwin.controller.chain.embedded import ChainController
 from dtwin.controller.chain.model import model_inputs
@@ -102,6 +103,7 @@ class ArmBridge:
         self._tell_adjusted: Callable[[JointAdjustment], None] = bus.publisher(ADJUSTED)
         bus.answer(ADJUSTMENT, JointAdjustment, self._adjust, lambda: self._in_force)
         bus.answer(MODEL, JointModel, self._reckon, lambda: self._model)
+        keep_desk(bus)
         bus.subscribe(EVENTS, Event, self._note)
         bus.subscribe(JOINT_SENSORS, JointSensors, service.inbox.put)
         self._stops = Stops(bus, self._publish.sender, lambda: self._blocks, self._time)

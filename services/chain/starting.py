@@ -20,6 +20,10 @@ EMBEDDED: Final = "embedded"
 """Value of --controller for blocks in a process of the cell."""
 ENDINGS: Final = (".toml", ".urdf", ".xml", ".mjcf")
 """Of the files that an arm is read from: its own, and those of dtwin.arm.file.MODELS, which loads numpy."""
+AUDIT: Final = Path("console-audit.jsonl")
+"""Default file of the commands that are given at the console, in the working directory."""
+ALARMS: Final = Path("console-alarms.jsonl")
+"""Default journal of the alarms at the console, in the working directory."""
 LEAST_HEALTHY: Final = 10.0
 """Shortest time in which an arm is learned, s."""
 KNOWN: Final = frozenset(
@@ -27,7 +31,7 @@ KNOWN: Final = frozenset(
         *("arm", "cell_file", "machine", "poses", "path", "sort", "late", "seed", "fault"),
         *("controller", "pace", "duration", "log", "cell", "zenoh", "detach", "json"),
         *("monitoring", "safe_stop", "silence", "healthy", "recovery"),
-        *("identification", "store", "simulation", "history"),
+        *("identification", "store", "simulation", "history", "console"),
     }
 )
 """Options of `dtwin up` that mean something for any arm."""
@@ -122,13 +126,14 @@ def other_arm(options: Any) -> OtherArm | None:
     return OtherArm(key=Path(arm).stem, words=tuple(words))
 
 
-def programs_of(other: OtherArm, options: Any, link: list[str]) -> list[Program]:
+def programs_of(other: OtherArm, options: Any, link: list[str], console: int) -> list[Program]:
     """The services in the order to be started; the blocks run in the bridge.
 
     Args:
         other: the arm.
         options: options of `dtwin up`.
         link: words that join a service to the bus.
+        console: port of the console.
     """
     lossless = ["--lossless"] if options.pace != "realtime" else []
     programs, waits = [], []
@@ -150,6 +155,8 @@ def programs_of(other: OtherArm, options: Any, link: list[str]) -> list[Program]
     if options.simulation:
         file = ["--history", str(history_of(Path(options.history), other.key).resolve())]
         programs.append(_service("simulation", [*link, *other.words, *file]))
+    if options.console:
+        programs.append(_service("console", [*link, *other.words, *_console_options(other, options, console)]))
     if options.safe_stop:  # The arm does not move before it is watched.
         waits += ["--monitored", str(options.silence), "--wait-for", "monitoring"]
     device = [] if options.controller == EMBEDDED else ["--controller", options.controller.partition("://")[2]]
@@ -157,6 +164,16 @@ def programs_of(other: OtherArm, options: Any, link: list[str]) -> list[Program]
     emulator = [*link, *other.words, "--pace", options.pace, "--wait-for", "bridge"]
     emulator += [] if options.duration is None else ["--duration", str(options.duration)]
     return [*programs, _service("emulator", emulator, leading=True)]
+
+
+def _console_options(other: OtherArm, options: Any, port: int) -> list[str]:
+    files = {
+        "--store": options.store,
+        "--history": history_of(Path(options.history), other.key),
+        "--audit": AUDIT,
+        "--alarms": ALARMS,
+    }
+    return ["--port", str(port), *(word for name, file in files.items() for word in (name, str(file.resolve())))]
 
 
 def history_of(history: Path, key: str) -> Path:

@@ -17,7 +17,6 @@ from dtwin.console.calculations.logs import logs_in
 from dtwin.console.calculations.tasks import Compare, Task, Work
 from dtwin.console.console import Console
 from dtwin.console.people.sessions import Session
-from dtwin.console.ring import COLUMNS
 from dtwin.console.web.replies import address_of, body, number_in, told
 from dtwin.errors import ParameterError
 from dtwin.identification.store import ModelStore
@@ -85,7 +84,7 @@ class Inquiries:
         return told(
             {
                 "span": span,
-                "columns": COLUMNS,
+                "columns": ring.columns,
                 "colours": ("", *ring.colours),
                 "rows": ring.rows(at - WINDOW, at),
                 "state": None if state is None else msgspec.Raw(state),

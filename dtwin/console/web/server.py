@@ -20,7 +20,6 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp
 from starlette.websockets import WebSocket
 
-from dtwin.console.commands import COMMANDS
 from dtwin.console.console import Answer, Console
 from dtwin.console.people.sessions import LIFETIME, Session
 from dtwin.console.web.gatekeeper import Gatekeeper
@@ -201,7 +200,7 @@ class Server:
 
     async def _command(self, request: Request, session: Session) -> Response:
         name = request.path_params["name"]
-        if name not in COMMANDS:
+        if name not in self.console.hub.commands:
             return told(Answer(False, f"no command {name[:50]!r}"), 404)
         content = await body(request)
         answer = await run_in_threadpool(self.console.command, name, content, session, address_of(request))

@@ -13,13 +13,16 @@ const alarmLine = document.getElementById("alarm-line");
 let display = null;
 let shownAs = "";
 let drawing = false;
+let madeFor = "[]";
+const kindOf = () => (store.state?.joints?.length ? "any" : "thesis");
 
 const refreshHead = makeHead(document.getElementById("head"));
 const links = Object.entries(DISPLAYS).map(([name, { title }]) => el("a", { href: `#${name}` }, title));
 navigation.replaceChildren(...links);
 
 function open() {
-  const name = location.hash.slice(1) in DISPLAYS ? location.hash.slice(1) : "overview";
+  const asked = DISPLAYS[location.hash.slice(1)];
+  const name = asked && (!asked.of || !store.state || asked.of === kindOf()) ? location.hash.slice(1) : "overview";
   if (name === shownAs) return;
   display?.close?.();
   shownAs = name;
@@ -31,7 +34,18 @@ function open() {
   refresh();
 }
 
+/** Displays are made for an arm: another one has others. */
+function remade() {
+  const arm = JSON.stringify(store.state?.joints?.map(({ name }) => name) ?? []);
+  if (arm === madeFor) return;
+  madeFor = arm;
+  for (const [index, { of }] of Object.values(DISPLAYS).entries()) links[index].hidden = Boolean(of && of !== kindOf());
+  shownAs = "";
+  open();
+}
+
 function refresh() {
+  remade();
   refreshHead();
   refreshAlarmLine(alarmLine);
   document.body.classList.toggle("stale", store.stale || (!store.connected && !store.past));

@@ -3,40 +3,46 @@
 const ROWS = 1400;
 const LATENCIES = 200;
 export const SPAN = 60;
-export const COLUMNS = [
-  "time", "theta_1", "theta_2", "theta_3", "path_1", "path_2", "path_3", "predicted_1", "predicted_2", "predicted_3",
-  "residual_1", "residual_2", "residual_3",
-  "deviation_1", "deviation_2", "deviation_3", "volts_1", "volts_2", "volts_3", "evidence", "threshold",
-];
+const OF_JOINTS = ["theta", "path", "predicted", "residual", "deviation", "volts"];
+/** Columns of the trends of an arm of n joints. */
+const columnsOf = (joints) => ["time", ...OF_JOINTS.flatMap((name) => numbers(joints).map((joint) => `${name}_${joint}`)), "evidence", "threshold"];
+/** 1 to n. */
+export const numbers = (joints) => Array.from({ length: joints }, (_, k) => k + 1);
 
 /** Rows of numbers, of which the newest take the place of the oldest. */
 export class Trends {
-  constructor() {
-    this.data = new Float64Array(ROWS * COLUMNS.length);
+  constructor(joints = 3) {
+    this.joints = joints;
+    this.columns = columnsOf(joints);
+    this.places = new Map(this.columns.map((name, index) => [name, index]));
+    this.data = new Float64Array(ROWS * this.columns.length);
     this.first = 0;
     this.length = 0;
   }
+  place(name) { return this.places.get(name); }
   clear() { this.first = this.length = 0; }
   value(row, column) {
-    return this.data[((this.first + row) % ROWS) * COLUMNS.length + column];
+    return this.data[((this.first + row) % ROWS) * this.columns.length + column];
   }
   get last() { return this.length ? this.value(this.length - 1, 0) : NaN; }
   add(values) {
     if (this.length && values[0] < this.last) this.clear();
     if (this.length && values[0] === this.last) return;
     const place = (this.first + this.length) % ROWS;
-    this.data.set(values, place * COLUMNS.length);
+    this.data.set(values, place * this.columns.length);
     if (this.length < ROWS) this.length += 1;
     else this.first = (this.first + 1) % ROWS;
   }
 }
 
-const none = [NaN, NaN, NaN];
 const or = (value) => (value == null ? NaN : value);
-const rowOf = (frame) => [
-  frame.time, ...frame.theta, ...(frame.path ?? none), ...(frame.predicted ?? none), ...(frame.residual ?? none), ...(frame.deviation ?? none),
-  ...(frame.volts ?? none).slice(0, 3), or(frame.evidence), or(frame.threshold),
-];
+function rowOf(frame) {
+  const none = frame.theta.map(() => NaN);
+  const of = (name) => (frame[name] ?? none).slice(0, none.length);
+  return [frame.time, ...OF_JOINTS.flatMap(of), or(frame.evidence), or(frame.threshold)];
+}
+
+const THREE = numbers(3).map((joint) => ({ name: `joint ${joint}`, turns: true, command: "V", lower: -Math.PI, upper: Math.PI, limit: 8 }));
 
 class Store extends EventTarget {
   constructor() {
@@ -56,6 +62,11 @@ class Store extends EventTarget {
   get frame() { return this.shown.frame; }
   get state() { return this.shown.state; }
   get trends() { return this.shown.trends; }
+  /** The joints of another arm than the thesis's, or three that have no name. */
+  get joints() {
+    const faces = this.state?.joints;
+    return faces?.length ? faces : THREE;
+  }
   /** Age of the newest sample, s. */
   get age() {
     const frame = this.live.frame;
@@ -67,6 +78,7 @@ class Store extends EventTarget {
     if (message.tell === "frame") {
       this.live.frame = message;
       this.received = performance.now();
+      if (message.theta && message.theta.length !== this.live.trends.joints) this.live.trends = new Trends(message.theta.length);
       if (message.theta) this.live.trends.add(rowOf(message));
     } else if (message.tell === "state") this.live.state = message;
     else if (message.tell === "alarms") this.alarms = message;
@@ -101,14 +113,15 @@ export const store = new Store();
 /** Trends and frame from rows of the past. */
 export function pastOf(told) {
   const index = Object.fromEntries(told.columns.map((name, place) => [name, place]));
-  const trends = new Trends();
-  for (const row of told.rows) trends.add(COLUMNS.map((name) => or(row[index[name]])));
+  const joints = told.columns.filter((name) => name.startsWith("theta_")).length;
+  const trends = new Trends(joints);
+  for (const row of told.rows) trends.add(trends.columns.map((name) => or(row[index[name]])));
   const row = told.rows.at(-1);
-  const triple = (name) => [1, 2, 3].map((joint) => row[index[`${name}_${joint}`]]);
+  const of = (name) => numbers(joints).map((joint) => row[index[`${name}_${joint}`]]);
   const known = (values) => (values.some((value) => value == null) ? null : values);
   const frame = row && {
-    time: row[index.time], at: row[index.at], age: 0, theta: triple("theta"), path: known(triple("path")),
-    predicted: known(triple("predicted")), residual: known(triple("residual")), deviation: known(triple("deviation")), volts: known(triple("volts")),
+    time: row[index.time], at: row[index.at], age: 0, theta: of("theta"), path: known(of("path")),
+    predicted: known(of("predicted")), residual: known(of("residual")), deviation: known(of("deviation")), volts: known(of("volts")),
     gripper: row[index.gripper], gripped: row[index.gripped] > 0, box: told.colours[row[index.box] ?? 0],
     evidence: row[index.evidence], threshold: row[index.threshold],
   };

@@ -1,9 +1,8 @@
 // A trend of the last minute: lines told apart by dash and by name, a band behind them.
 import { begin } from "./canvas.js";
-import { COLUMNS, SPAN } from "./store.js";
+import { SPAN } from "./store.js";
 
-const DASHES = [[], [6, 4], [2, 3]];
-const place = (name) => COLUMNS.indexOf(name);
+const DASHES = [[], [6, 4], [2, 3], [9, 3, 2, 3], [4, 2], [1, 2], [12, 3]];
 
 /**
  * lines: [{of: (row, value) => number, dash, colour}]; band: {low, high} of the same kind, or null;
@@ -24,7 +23,7 @@ export function drawTrend(canvas, trends, { title, unit, lines, band = null, ran
   const begun = end - span;
   const rows = [];
   for (let row = 0; row < trends.length; row += 1) if (trends.value(row, 0) >= begun) rows.push(row);
-  const value = (row) => (name) => trends.value(row, place(name));
+  const value = (row) => (name) => trends.value(row, trends.place(name));
   let [low, high] = range ?? (least ? [-least, least] : [Infinity, -Infinity]);
   if (!range) {
     for (const row of rows) {

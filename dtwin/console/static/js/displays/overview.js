@@ -2,38 +2,44 @@
 import { el, figures, number, panel, rebuild, setText, short, table } from "../dom.js";
 import { commandButton } from "../command.js";
 import { drawArm } from "../arm.js";
+import { chainView, drawChain } from "../chain.js";
 import { drawIndicators } from "../indicator.js";
 import { drawTrend } from "../trend.js";
 import { store } from "../store.js";
 
-const LIMIT = 8;
 const FAR = 100;
-const UNITS = ["rad", "mrad off", "V"];
 const DIGITS = [3, 1, 2];
+const DASHES = ["—", "– –", "· ·", "– ·", "- -", "··", "— -"];
 
 export function makeOverview() {
-  const arm = el("canvas", { class: "arm", role: "img", "aria-label": "The arm from the side, drawn from its angles" });
+  const joints = store.joints;
+  const chain = Boolean(store.state?.joints?.length);
+  const lengths = joints.map(({ turns }) => (turns ? "rad" : "m"));
+  const units = joints.map(({ command }, k) => [lengths[k], `m${lengths[k]} off`, command]);
+  const arm = el("canvas", { class: "arm", role: "img", "aria-label": chain ? "The arm, drawn from its joints; drag to turn it" : "The arm from the side, drawn from its angles" });
+  const view = chain ? chainView(arm, joints, store.state.tool, () => draw()) : null;
   const scene = el("div", { class: "fill" }, arm);
-  const indicators = [1, 2, 3].map((joint) =>
-    el("canvas", { class: "indicator", role: "img", "aria-label": `Joint ${joint}: angle, distance from the path, voltage` }));
-  const values = [1, 2, 3].map(() => UNITS.map(() => el("dd", { class: "value" })));
-  const readings = values.map((three) => el("dl", { class: "readings" }, ...three.map((value, k) => el("div", {}, el("dt", {}, UNITS[k]), value))));
+  const indicators = joints.map(({ name }) =>
+    el("canvas", { class: "indicator", role: "img", "aria-label": `${titled(name)}: position, distance from the path, command` }));
+  const values = joints.map((_, k) => units[k].map(() => el("dd", { class: "value" })));
+  const readings = values.map((three, k) => el("dl", { class: "readings" }, ...three.map((value, n) => el("div", {}, el("dt", {}, units[k][n]), value))));
   const trend = el("canvas", { class: "trend low", role: "img", "aria-label": "Distance of the joints from their path, last minute" });
   const figure = el("div", { class: "value" });
   const boxes = el("div");
   const services = el("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "Services" });
   const events = el("div", { class: "scroll short", tabindex: "0", role: "region", "aria-label": "Last events" });
   const release = commandButton({ name: "release", title: "Release the arm", confirm: "The arm moves again, from where it is to where it was going." });
+  const many = joints.length > 3;
+  const work = panel("Work", "w3", figure, chain && !Object.keys(store.state.points ?? {}).length ? null : el("h3", {}, "Boxes"), boxes);
   const node = el(
     "div", { class: "grid overview" },
     panel("The arm", "w3", scene, el("div", { class: "row" }, release.node)),
-    panel("Joints", "w6",
-      el("div", { class: "joints fill-row" }, ...[0, 1, 2].map((k) => el("div", { class: "fill" }, el("h3", {}, `Joint ${k + 1}`), indicators[k], readings[k]))),
+    panel("Joints", many ? "w9" : "w6",
+      el("div", { class: `joints fill-row${joints.length > 3 ? " many" : ""}` }, ...joints.map(({ name }, k) => el("div", { class: "fill" }, el("h3", {}, titled(name)), indicators[k], readings[k]))),
       trend,
       el("p", { class: "legend" }, "▷ target of the path; ◀ measured; grey: normal band; thick line: limit; ↑ ↓ off scale")),
-    panel("Work", "w3", figure, el("h3", {}, "Boxes"), boxes),
-    panel("Services", "w7", services),
-    panel("Last events", "w5", events),
+    ...(many ? [panel("Services", "w5", services), work, panel("Last events", "w4", events)]
+      : [work, panel("Services", "w7", services), panel("Last events", "w5", events)]),
   );
   let viewer = null;
 
@@ -59,7 +65,7 @@ export function makeOverview() {
     rebuild(boxes, now.boxes, () => now.boxes ? figures([
       ["Delivered", now.boxes.delivered], ["Picked", now.boxes.picked], ["Arrived", now.boxes.arrived],
       ["Misplaced", now.boxes.misplaced], ["Turned away", now.boxes.turned_away], ["Held", now.boxes.held],
-    ]) : el("p", { class: "why-not" }, "Nobody counts them: there is no supervisor."));
+    ]) : chain ? null : el("p", { class: "why-not" }, "Nobody counts them: there is no supervisor."));
     rebuild(services, now.services, () => table("What each service says of itself", ["Service", "State", "Rate, 1/s", "Restarts", "Reason"],
       worstFirst(now.services).map(([name, health]) => [name, mark(health.state), short(health.rate_hz, 4), String(health.restarts || ""), health.reason]), { numeric: [2, 3], empty: "No service has told how it does." }));
     rebuild(events, now.events.slice(-20), () => table("Plant time, newest first", ["s", "Kind", "What"],
@@ -68,24 +74,37 @@ export function makeOverview() {
 
   function draw() {
     const frame = store.frame;
-    drawArm(arm, frame, store.state?.places);
-    const expected = store.state?.settings?.predicted;
+    if (view) drawChain(view, frame, store.state?.points);
+    else drawArm(arm, frame, store.state?.places);
+    const expected = (store.state?.model ?? store.state?.settings)?.predicted;
     indicators.forEach((canvas, k) => {
       const error = frame?.theta && frame.path ? 1000 * (frame.theta[k] - frame.path[k]) : null;
       const bound = expected ? 1500 * expected[k] + 10 : null;
       drawIndicators(canvas, [
-        { low: -Math.PI * 1.2, high: Math.PI * 1.2, value: frame?.theta?.[k], target: frame?.path?.[k] },
+        { ...spanOf(joints[k]), value: frame?.theta?.[k], target: frame?.path?.[k] },
         { low: -FAR * 1.2, high: FAR * 1.2, value: error, band: bound ? [-bound, bound] : [-30, 30], limits: [-FAR, FAR] },
-        { low: -9, high: 9, value: frame?.volts?.[k], limits: [-LIMIT, LIMIT] },
+        commandOf(joints[k], frame?.volts?.[k]),
       ]);
-      [frame?.theta?.[k], error, frame?.volts?.[k]].forEach((value, n) => setText(values[k][n], number(value, DIGITS[n])));
+      [frame?.theta?.[k], error, frame?.volts?.[k]].forEach((value, n) => setText(values[k][n], number(value, DIGITS[n] - (many && n !== 1 ? 1 : 0))));
     });
     drawTrend(trend, store.trends, {
-      title: "Off the path, joints 1 —, 2 – –, 3 · ·", unit: "mrad", least: 30,
-      lines: [1, 2, 3].map((joint, k) => ({ of: (v) => 1000 * (v(`theta_${joint}`) - v(`path_${joint}`)), dash: k })),
+      title: `Off the path, joints ${joints.map((_, k) => `${k + 1} ${DASHES[k] ?? ""}`).join(", ")}`, unit: lengths.includes("m") ? "mrad or mm" : "mrad", least: 30,
+      lines: joints.map((_, k) => ({ of: (v) => 1000 * (v(`theta_${k + 1}`) - v(`path_${k + 1}`)), dash: k })),
     });
   }
   return { node, state, draw };
+}
+
+const titled = (name) => name.charAt(0).toUpperCase() + name.slice(1);
+/** The scale of a position, a fifth wider than its range. */
+function spanOf({ lower, upper }) {
+  const [low, high] = [lower ?? -Math.PI, upper ?? Math.PI];
+  const room = 0.1 * (high - low);
+  return { low: low - room, high: high + room, limits: [lower, upper].filter((value) => value != null && Math.abs(value) < Math.PI - 1e-9) };
+}
+function commandOf({ limit }, value) {
+  if (limit == null) return { low: -1, high: 1, value };
+  return { low: -1.125 * limit, high: 1.125 * limit, value, limits: [-limit, limit] };
 }
 
 const GOOD = ["running", "waiting"];
