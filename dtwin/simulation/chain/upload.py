@@ -167,8 +167,9 @@ class ArmUploads:
         if not self.on_trial or before is None:
             raise ParameterError("nothing is on trial: expected an upload before, upload an earlier version")
         self._port.send(who, why, before)
-        self.trial = self._before = self._waiting = None
+        # Who asks meanwhile finds no trial that is over without what came of it.
         self.last = self._record("roll back", self.version + 1, who, why, before, time, measured=measured)
+        self.trial = self._before = self._waiting = None
         return self.last
 
     def observe(self, time: float, target: Values, measured: Values) -> ArmEntry | None:
@@ -199,10 +200,10 @@ class ArmUploads:
             return self.roll_back(SELF, trial.why(), time, trial.measured)
         if self.look_again():
             return None
-        self.trial = self._before = None
         seen = "tracking was as predicted" if trial.judged_motion else "the arm stood still"
         text = f"{seen} for {time - trial.began:.1f} s"
         self.last = self._record("confirm", self.version, SELF, text, self.model, time, text, measured=trial.measured)
+        self.trial = self._before = None
         return self.last
 
     def miss(self, time: float) -> None:
