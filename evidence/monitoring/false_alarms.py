@@ -36,7 +36,7 @@ SHIFT: Final = 4.0
 """Hours of work that are watched by one monitor."""
 HOURS: Final = 24.0
 """Hours of a day of an arm that works day and night."""
-_CHUNK: Final = 600.0
+CHUNK: Final = 600.0
 """Plant time of which the samples are kept at once, s."""
 
 
@@ -64,12 +64,14 @@ class WatchedShift(msgspec.Struct, frozen=True):
         hours: how long it worked, h.
         delivered: number of boxes that it brought to their places.
         alarms: what the monitor said was wrong.
+        stops: how often the function blocks stopped the arm by themselves; it is let go on within CHUNK.
     """
 
     number: int
     hours: float
     delivered: int
     alarms: list[str]
+    stops: int = 0
 
 
 class Commissioning(NamedTuple):
@@ -102,10 +104,10 @@ def watch_shift(item: Shift) -> WatchedShift:
         DtwinError: the work failed.
     """
     cell, monitor = TwinCell(item.number, item.seed, ControlOptions().control()), Monitor(commissioned(item.record))
-    left, heard, alarms = item.seconds, 0, []
+    left, heard, stops, alarms = item.seconds, 0, 0, []
     while left > PERIOD / 2:
-        seen = stream(cell.run(min(left, _CHUNK)))
-        left -= _CHUNK
+        seen = stream(cell.run(min(left, CHUNK)))
+        left -= CHUNK
         done = 0
         while done < len(seen):
             done += seen.follow(monitor, done, len(seen))
@@ -116,7 +118,10 @@ def watch_shift(item: Shift) -> WatchedShift:
             if raised and monitor.findings.current:
                 monitor.acknowledge()
             heard = len(monitor.events)
-    return WatchedShift(item.number, cell.ticks * PERIOD / 3600.0, cell.box_counts.delivered, alarms)
+        if cell.stopped:
+            stops += 1
+            cell.release()
+    return WatchedShift(item.number, cell.ticks * PERIOD / 3600.0, cell.box_counts.delivered, alarms, stops)
 
 
 def count_false_alarms(
@@ -165,7 +170,8 @@ def false_alarms_report(found: Sequence[WatchedShift], machines: int) -> Report:
         own = [one for one in found if one.number == number]
         said = [text for one in own for text in one.alarms]
         hours, delivered = sum(one.hours for one in own), sum(one.delivered for one in own)
-        rows.append([str(number), f"{hours:.1f}", str(delivered), str(len(said)), "; ".join(said[:3])])
+        stops = sum(one.stops for one in own)
+        rows.append([str(number), f"{hours:.1f}", str(delivered), str(stops), str(len(said)), "; ".join(said[:3])])
     return page(
         "False alarms over days",
         f"{len(numbers)} of {machines} drawn machines could be identified from {IDENTIFIED_FROM:g} s of their work."
@@ -174,7 +180,10 @@ def false_alarms_report(found: Sequence[WatchedShift], machines: int) -> Report:
         "The plant is the twin with the machines' numbers and with torques that no effect of its model has; gears are"
         " rigid, nothing touches.",
         f"{alarms} false alarms, {alarms / days:.3g} a day; with 95 % confidence {low:.2g} to {high:.2g} a day.",
-        table(["machine", "hours", "boxes delivered", "false alarms", "what was said first"], rows),
+        table(
+            ["machine", "hours", "boxes delivered", "stops by the blocks", "false alarms", "what was said first"],
+            rows,
+        ),
     )
 
 

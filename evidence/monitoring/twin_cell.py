@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.controller.embedded import EmbeddedController
-from dtwin.controller.ports import EMULATOR, PATH
+from dtwin.controller.ports import EMULATOR, PATH, STOP, VERDICT
 from dtwin.controller.settings import ControlSettings
 from dtwin.emulation.boxes import Boxes
 from dtwin.emulation.machine.files import machine_of
@@ -77,6 +77,7 @@ class TwinCell:
         self._function = resource.function(f"exchange__{EMULATOR.block}")
         self._memory = resource.numbers()
         self._watched = np.array([resource.offset(name) // 8 for name in PATH])
+        self._verdicts, self._stop = resource.server(VERDICT.block), resource.reader((STOP,))
         self._answer = np.zeros(40, np.uint8)
         self._jaw = np.array(
             [gripper.inertia, gripper.damping, gripper.voltage_constant, gripper.closed, gripper.opened]
@@ -96,6 +97,15 @@ class TwinCell:
     def box_counts(self) -> BoxCounts:
         """What became of the boxes so far."""
         return self._boxes.counts
+
+    @property
+    def stopped(self) -> bool:
+        """Whether the function blocks have stopped the arm."""
+        return bool(self._stop()[0])
+
+    def release(self) -> None:
+        """Lets a stopped arm go on, as an operator does."""
+        self._verdicts.exchange((0, 1.0, True))
 
     def run(self, seconds: float) -> Log:
         """Works on for a time (s), and gives what sensors and commands said.

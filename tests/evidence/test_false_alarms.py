@@ -11,6 +11,7 @@ from scipy.stats import poisson
 from dtwin.logs.log import Log
 from dtwin.parameters import HANGING, PERIOD
 from dtwin.run.options import ControlOptions
+from dtwin.signals import ARM_STATES
 from dtwin.twin.machine import MACHINE_NAMES, SUBSTEP, WIDTH, integrate_machine
 from evidence.monitoring.false_alarms import Shift, WatchedShift, false_alarms_report, interval, watch_shift
 from evidence.monitoring.twin_cell import TwinCell
@@ -79,6 +80,20 @@ def test_alarms_are_counted_and_acknowledged() -> None:
     # the arm of the record is another one
     assert watched.alarms
     assert watch_shift(shift) == watched
+
+
+def test_a_stopped_arm_is_let_go_on() -> None:
+    found, stopped = cell(), []
+    for step in (
+        lambda: None,
+        lambda: found._verdicts.exchange((ARM_STATES.index("failed"), 1.0, False)),
+        found.release,
+    ):
+        step()
+        found.run(60.0)
+        stopped.append((found.stopped, found.box_counts.delivered))
+    assert [stop for stop, _ in stopped] == [False, True, False]
+    assert stopped[1][1] < stopped[2][1]
 
 
 @pytest.mark.parametrize("alarms", [0, 1, 7])

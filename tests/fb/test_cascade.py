@@ -189,3 +189,30 @@ def test_the_observer_begins_anew_at_rest() -> None:
     observe(block, np.full(3, 2.0), np.zeros(3))
     assert block.triple("OMEGA_E").tolist() == [0.0, 0.0, 0.0]
     assert block.triple("THETA_E").tolist() == [2.0, 2.0, 2.0]
+
+
+@pytest.mark.parametrize("lost", [1, 3])
+def test_a_sample_that_comes_again_does_not_slow_the_observed_arm(lost: int) -> None:
+    """It was taken for an arm that stands all at once: motors got their whole voltage, and the arm was stopped."""
+    speed, code = np.array([2.2, 2.0, -3.1]), math.tau / 2**14
+    block = Driven("STATE_OBSERVER_3", GATE=0.08)
+    theta = [code * np.round((speed * TS * k) / code) for k in range(60)]
+    for reading in theta[:30]:
+        observe(block, reading, np.zeros(3))
+    for k in range(30, 30 + lost):
+        observe(block, theta[29], np.zeros(3))
+        np.testing.assert_allclose(block.triple("ANGLE"), speed * TS * k, atol=0.005)
+    for k in range(30 + lost, 60):
+        observe(block, theta[k], np.zeros(3))
+        np.testing.assert_allclose(block.triple("OMEGA_E"), speed, atol=0.1)
+    assert block["DOUBT"] <= lost
+
+
+def test_a_coarse_encoder_that_happened_to_repeat_nothing_is_believed_at_rest() -> None:
+    """After twenty turns of the noise without a repeated code each repeated one was doubted, and stopped an arm."""
+    block = Driven("STATE_OBSERVER_3", GATE=0.08)
+    for k in range(40):
+        observe(block, np.full(3, 2e-4 * (k % 2)), np.zeros(3))
+    for _ in range(20):
+        observe(block, np.full(3, 2e-4), np.zeros(3))
+    assert block["DOUBT"] == 0.0
