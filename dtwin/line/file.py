@@ -25,6 +25,7 @@ _LONGEST: Final = 1 << 20
 T = TypeVar("T")
 Positive = Annotated[float, msgspec.Meta(gt=0.0, le=1e6)]
 Share = Annotated[float, msgspec.Meta(ge=0.0, le=100.0)]
+Patience = Annotated[float, msgspec.Meta(ge=0.0, le=1e6)]
 Count = Annotated[int, msgspec.Meta(ge=1, le=1000)]
 Seed = Annotated[int, msgspec.Meta(ge=0, le=2**62)]
 
@@ -66,6 +67,7 @@ class _Vehicle(msgspec.Struct, forbid_unknown_fields=True):
     consumption: Share = 0.05
     idle: Share = 0.1
     charging: Share = 20.0
+    patience: Patience = 10.0
 
 
 class _Zone(msgspec.Struct, forbid_unknown_fields=True):

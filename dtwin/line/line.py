@@ -17,6 +17,8 @@ MOST_VEHICLES: Final = 4
 MOST_OPERATIONS: Final = 8
 """Number of operations that the blocks can be given."""
 MOST_ZONES: Final = 32
+CYCLE: Final = 0.1
+"""Time from one sample of the line to the next, s."""
 FINISHED: Final = 99
 """Number that stands in the tag of a box in place of its next operation when there is none."""
 
@@ -101,6 +103,7 @@ class VehiclePlan:
         consumption: charge that a metre takes, percent.
         idle: charge that a minute takes, percent.
         charging: charge that a minute at home gives, percent.
+        patience: longest wait at a station for the box that was brought there to be finished, s; 0 for none.
     """
 
     name: str
@@ -111,6 +114,7 @@ class VehiclePlan:
     consumption: float = 0.05
     idle: float = 0.1
     charging: float = 20.0
+    patience: float = 10.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 
 from dtwin.errors import DtwinError
-from dtwin.line.line import FINISHED, Line, ZonePlan
+from dtwin.line.line import CYCLE, FINISHED, Line, ZonePlan
 from dtwin.line.station import FREE, HOLDING, OFFERED, Report, Station
 from dtwin.line.track import DIAMETER
 from dtwin.line.vehicle import LOAD, Vehicle
@@ -24,8 +24,6 @@ from dtwin.signals import EventKind
 
 ENTRY: Final = 1
 EXIT: Final = 2
-CYCLE: Final = 0.1
-"""Time from one sample of the line to the next, s."""
 TICKS: Final = 10
 """Ticks of an arm in it."""
 

@@ -13,8 +13,8 @@ import msgspec
 from dtwin.emulation.faults import parse_fault
 from dtwin.errors import ParameterError, choices
 from dtwin.line.control import Control, Devices, Exchange, OneResource
-from dtwin.line.line import Assignment, Line
-from dtwin.line.plant import CYCLE, LineEvent, Plant, check_boxes
+from dtwin.line.line import CYCLE, Assignment, Line
+from dtwin.line.plant import LineEvent, Plant, check_boxes
 from dtwin.line.station import EmulatedStation, Station
 from dtwin.line.twins.node import NodeTwin
 from dtwin.line.twins.overall import Choice, OverallTwin, changed

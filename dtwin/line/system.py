@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
-from dtwin.line.line import MOST_OPERATIONS, MOST_STATIONS, Line, StationPlan, VehiclePlan, ZonePlan
+from dtwin.line.line import CYCLE, MOST_OPERATIONS, MOST_STATIONS, Line, StationPlan, VehiclePlan, ZonePlan
 from dtwin.line.track import MOST_NODES
 from dtwin.run.cell_file import cell_of
 from dtwin.task import DEFAULT_TASK, Task
@@ -202,6 +202,7 @@ def _draw_vehicle(
         "ORDER_EXECUTION",
         f"Orders of vehicle {vehicle.name}",
         HOME=literal_of(zone.track.number(vehicle.home)),
+        PATIENCE=literal_of(round(vehicle.patience / CYCLE)),
     )
     drawing.event(f"{plant}.INITO", f"{execution}.INIT")
     drawing.event(f"{plant}.IND", f"{execution}.REQ")

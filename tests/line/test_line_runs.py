@@ -25,6 +25,7 @@ from dtwin.line.report import page, summary
 from dtwin.line.run import Decision, LineRun, LineSettings
 from dtwin.line.station import EmulatedStation, Input, TimedStation, WorkTimes, replayed
 from dtwin.line.system import system
+from dtwin.line.twins.overall import changed
 from dtwin.line.vehicle import Vehicle, VehicleCommand
 from dtwin.line_file import LineFile
 from dtwin.parameters import ROOT
@@ -76,7 +77,7 @@ def test_blocks_on_one_resource_and_on_many_devices_do_the_same() -> None:
     assert one.vehicles["a_agv1"].driven > 0
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", [0, 4, 21])  # in 4 and 21 an arm takes a box that a vehicle was sent for
 def test_no_box_is_lost_and_none_stands_for_ever_whatever_the_line_is_set_up_for(seed: int) -> None:
     generator = np.random.default_rng(seed)
     plant, control = timed(LINE), Control(LINE, OneResource(LINE))
@@ -90,6 +91,43 @@ def test_no_box_is_lost_and_none_stands_for_ever_whatever_the_line_is_set_up_for
         worked(plant, control, 150)
         assert len(plant.left) > before
     assert (plant.lost, plant.collisions) == (0, 0)
+
+
+@pytest.mark.parametrize("station", ["a2", "b1"])
+def test_what_passes_after_a_set_up_does_not_depend_on_when_it_came(station: str) -> None:
+    others = next(way for way in WAYS if station not in way.values() and changed(LINE.assignment, way) == 1)
+    rates = []
+    for seconds in (80, 97, 131):
+        plant, control = timed(LINE), Control(LINE, OneResource(LINE))
+        control.set_up(LINE.assignment)
+        worked(plant, control, seconds)
+        while not control.set_up(others):
+            worked(plant, control, 1)
+        worked(plant, control, 100)
+        before = len(plant.left)
+        worked(plant, control, 500)
+        left = [time for _, time in plant.left[before:]]
+        rates.append((len(left) - 1) / (left[-1] - left[0]))
+    assert min(rates) > 0.97 * max(rates)
+
+
+def test_a_vehicle_waits_for_the_box_that_it_has_brought_no_longer_than_its_patience() -> None:
+    left = {}
+    for patience in (0.0, 10.0):
+        zones = [replace(z, vehicles=tuple(replace(v, patience=patience) for v in z.vehicles)) for z in LINE.zones]
+        line = replace(LINE, zones=tuple(zones))
+        plant, control = timed(line), Control(line, OneResource(line))
+        control.set_up(line.assignment)
+        stay: list[float] = []
+        for _ in range(3000):
+            plant.advance()
+            control.step(plant)
+            at = {vehicle.path[0] for vehicle in plant.vehicles.values() if vehicle.standing and not vehicle.box}
+            stay.append("a2_dock" in at)
+        runs = [len(list(group)) for waits, group in itertools.groupby(stay) if waits]
+        left[patience] = len(plant.left), max(runs) / 10.0
+    assert left[10.0][0] > left[0.0][0], "a way around the track takes longer"
+    assert left[0.0][1] < 5.0 < left[10.0][1] + 5.0 < 17.0
 
 
 def test_a_zone_refuses_a_set_up_in_which_its_boxes_could_not_leave() -> None:

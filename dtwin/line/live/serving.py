@@ -28,9 +28,9 @@ from dtwin.bus.messages import (
 from dtwin.bus.proposals.messages import LineLook, LookRequest, Proposal, ProposalDecision, ProposalRequest
 from dtwin.bus.session import Bus
 from dtwin.errors import CommunicationError, DtwinError, ParameterError
+from dtwin.line.line import CYCLE
 from dtwin.line.live.asked import AskedRun
 from dtwin.line.live.seen import state_of
-from dtwin.line.plant import CYCLE
 from dtwin.line.twins.overall import Choice
 from dtwin.simulation.proposals.book import TWIN, Book, check_form
 

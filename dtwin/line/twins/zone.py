@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from dtwin.line.control import Control, OneResource
-from dtwin.line.line import Assignment, Line
-from dtwin.line.plant import CYCLE, Plant
+from dtwin.line.line import CYCLE, Assignment, Line
+from dtwin.line.plant import Plant
 from dtwin.line.station import Station, TimedStation, WorkTimes
 from dtwin.line.twins.node import NodeTwin
 
