@@ -234,6 +234,13 @@ class Arm:
         return replace(self, links=tuple(Link.from_parameters(link.name, row) for link, row in links))
 
 
+def holding(arm: Arm, mass: float) -> Arm:
+    """The arm with a point mass at its tool, kg, as part of its last link."""
+    last = arm.links[-1]
+    added = np.array([mass, *(mass * arm.tool), *(mass * steiner(arm.tool))[np.tril_indices(3)]])
+    return replace(arm, links=(*arm.links[:-1], Link.from_parameters(last.name, last.parameters + added)))
+
+
 def aligned(arm: Arm) -> Arm:
     """The same arm with every frame turned so that its joint's axis is z, which makes its equations short."""
     before = np.eye(3)

@@ -360,6 +360,9 @@ ARM_UPLOAD: Final = Topic(
 ARM_ROLL_BACK: Final = Topic(
     "twin/simulation/arm-rollback", "query", RollBackRequest, joints.JointUpload, "simulation"
 )
+ARM_PREDICT: Final = Topic(
+    "twin/simulation/what-if", "query", joints.JointQuestion, joints.JointPredicted, "simulation", patience=CHECKED
+)
 PREDICT: Final = Topic(
     "twin/simulation/predict", "query", PredictionRequest, Predicted, "simulation", patience=CHECKED
 )
@@ -390,7 +393,7 @@ TOPICS: Final = (
     *(SETTINGS, SIGNAL, ADJUSTMENT, MODEL, STOP, RELEASE, DESK),
     *(FAULT, RESET, LATCH, SAMPLE_BACKLOG, ANSWER_BACKLOG, SUMMARY),
     *(IDENTIFICATION, IDENTIFY, DECIDE, UPLOAD, PREDICT, ROLL_BACK, LOOK, PROPOSE, DECIDE_PROPOSAL, ANSWER),
-    *(ARM_UPLOAD, ARM_ROLL_BACK, RECOVERY_LOOK, RECOVERY_DECIDE),
+    *(ARM_UPLOAD, ARM_ROLL_BACK, ARM_PREDICT, RECOVERY_LOOK, RECOVERY_DECIDE),
     *(MONITORING, RESIDUALS, ACKNOWLEDGE, WATCH),
     *(LINE_STATE, LINE_PREDICT, LINE_LOOK, LINE_PROPOSE, LINE_DECIDE, SET_UP, LINE_STOP, LINE_RELEASE),
 )

@@ -188,9 +188,31 @@ void chain_forward(int n, const double *links, const double *gravity, const doub
     }
 }
 
-/* Steps of the Runge-Kutta method of fourth order under constant torques; q and qd go on. */
+/* Torques less dry friction, which is smooth over a width of velocity. */
+static void opposed(int n, const double *tau, const double *qd, const struct dry *dry, double *left)
+{
+    for (int i = 0; i < n; i++) {
+        const double friction = dry->coulomb[i] + dry->share[i] * dry->carried[i];
+        left[i] = tau[i] - (friction != 0.0 ? friction * tanh(qd[i] / dry->width) : 0.0);
+    }
+}
+
+void chain_accelerate(int n, const double *links, const double *gravity, const double *q, const double *qd,
+                      const double *tau, const struct dry *dry, double *qdd)
+{
+    double left[MOST];
+    if (!dry) {
+        chain_forward(n, links, gravity, q, qd, tau, qdd);
+        return;
+    }
+    opposed(n, tau, qd, dry, left);
+    chain_forward(n, links, gravity, q, qd, left, qdd);
+}
+
+/* Steps of the Runge-Kutta method of fourth order under constant torques; q and qd go on. Friction that grows with the
+ * load follows the torque that each gear carries at the beginning of a step. */
 void chain_advance(int n, const double *links, const double *gravity, double *q, double *qd, const double *tau,
-                   double step, int steps)
+                   const struct dry *dry, double step, int steps)
 {
     for (int s = 0; s < steps; s++) {
         double a[4][MOST], v[4][MOST], x[MOST];
@@ -200,7 +222,9 @@ void chain_advance(int n, const double *links, const double *gravity, double *q,
                 x[i] = q[i] + (k ? part * v[k - 1][i] : 0.0);
                 v[k][i] = qd[i] + (k ? part * a[k - 1][i] : 0.0);
             }
-            chain_forward(n, links, gravity, x, v[k], tau, a[k]);
+            chain_accelerate(n, links, gravity, x, v[k], tau, dry, a[k]);
+            for (int i = 0; dry && k == 0 && i < n; i++)
+                dry->carried[i] = fabs(tau[i] - links[SIZE * i + ROTOR] * a[0][i]);
         }
         for (int i = 0; i < n; i++) {
             q[i] += step / 6.0 * (v[0][i] + 2.0 * v[1][i] + 2.0 * v[2][i] + v[3][i]);
@@ -226,6 +250,6 @@ void chain_rollout(int ticks, int n, const double *links, const double *gravity,
             positions[n * k + i] = q[i];
             velocities[n * k + i] = qd[i];
         }
-        chain_advance(n, links, gravity, q, qd, tau + n * k, step, steps);
+        chain_advance(n, links, gravity, q, qd, tau + n * k, 0, step, steps);
     }
 }

@@ -4,8 +4,19 @@
 
 enum { MOST = 32 }; /* largest number of joints */
 
+/* Dry friction: torques against the motion, and parts of the torque that a gear carries, which follows from the motion. */
+struct dry {
+    const double *coulomb, *share;
+    double *carried;
+    double width; /* velocity over which it changes sign */
+};
+
 void chain_forward(int n, const double *links, const double *gravity, const double *q, const double *qd,
                    const double *tau, double *qdd);
+void chain_accelerate(int n, const double *links, const double *gravity, const double *q, const double *qd,
+                      const double *tau, const struct dry *dry, double *qdd);
+void chain_advance(int n, const double *links, const double *gravity, double *q, double *qd, const double *tau,
+                   const struct dry *dry, double step, int steps);
 void chain_forward_many(int count, int n, const double *links, const double *gravity, const double *q,
                         const double *qd, const double *tau, double *qdd);
 void chain_rollout(int ticks, int n, const double *links, const double *gravity, double *q, double *qd,

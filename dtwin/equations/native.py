@@ -7,6 +7,7 @@ once by the system's C compiler and kept.
 from __future__ import annotations
 
 import ctypes
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Final
@@ -23,6 +24,10 @@ _NAME: Final = "chain"
 _MOST: Final = 32
 _SIZE: Final = 25
 """Numbers of a link; see chain.c."""
+
+
+_WIDTH: Final = 0.01
+"""Least velocity over which dry friction changes its sign, rad/s or m/s."""
 
 
 class NativeChain:
@@ -79,8 +84,72 @@ class NativeChain:
         )
         return np.vstack([positions, q]), np.vstack([velocities, qd])
 
+    def moving(self, q: Array, qd: Array, dry: DryFriction | None = None) -> MovingChain:
+        """The arm in motion from a state on, (n,) each."""
+        return MovingChain(self._library, (self._links, self._gravity), q, qd, dry)
+
     def _rows(self, values: Array) -> Array:
         return np.ascontiguousarray(values, dtype=np.float64).reshape(-1, self._n)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DryFriction:
+    """Friction that does not grow with the velocity, smooth over a width of it.
+
+    Attributes:
+        coulomb: torques against the motion, (n,), N m or N.
+        share: further ones in parts of the torque that each gear carries, (n,).
+        width: velocity over which they change their sign, rad/s or m/s.
+    """
+
+    coulomb: Array
+    share: Array
+    width: float
+
+
+class _Dry(ctypes.Structure):
+    _fields_ = (
+        ("coulomb", ctypes.c_void_p),
+        ("share", ctypes.c_void_p),
+        ("carried", ctypes.c_void_p),
+        ("width", ctypes.c_double),
+    )
+
+
+class MovingChain:
+    """An arm that goes on tick by tick.
+
+    Args:
+        library: the machine code.
+        numbers: of the links, and gravity.
+        q: positions at the beginning, (n,).
+        qd: velocities at the beginning, (n,).
+        dry: its dry friction; None for none.
+
+    Attributes:
+        q: positions, (n,), rad or m.
+        qd: velocities, (n,).
+    """
+
+    def __init__(
+        self, library: ctypes.CDLL, numbers: tuple[Array, Array], q: Array, qd: Array, dry: DryFriction | None
+    ) -> None:
+        self.q, self.qd = (np.array(values, dtype=np.float64) for values in (q, qd))
+        self._torque = np.zeros_like(self.q)
+        self._advance = library.chain_advance
+        kept = [*numbers, self.q, self.qd, self._torque]
+        self._dry = None
+        if dry is not None:
+            rows = [np.array(values, dtype=np.float64) for values in (dry.coulomb, dry.share, np.zeros_like(self.q))]
+            kept += rows
+            self._dry = _Dry(*(row.ctypes.data for row in rows), dry.width)
+        self._kept = kept  # the machine code has their addresses
+        self._where = [len(self.q), *map(_pointer, kept[:5]), None if self._dry is None else ctypes.byref(self._dry)]
+
+    def advance(self, torque: Array, step: float, steps: int) -> None:
+        """Some steps of the Runge-Kutta method of fourth order under torques of the drives, (n,), that are held."""
+        self._torque[:] = torque
+        self._advance(*self._where, ctypes.c_double(step), steps)
 
 
 def _numbers(arm: Arm) -> Array:
@@ -92,6 +161,23 @@ def _numbers(arm: Arm) -> Array:
         row[12:22] = link.parameters
         row[22:] = float(joint.turns), joint.actuator.rotor or 0.0, joint.friction.viscous
     return found
+
+
+def width_of(arm: Arm, step: float) -> float:
+    """A velocity over which dry friction changes its sign so slowly that explicit steps stay stable.
+
+    Runge-Kutta's method of fourth order is stable up to rates of 2.78 a step (Hairer and Wanner, IV.2). With this
+    width friction makes a rate of at most 1 a step where a joint moves its own link and rotor alone, and less where
+    it moves more.
+    """
+    widths = [_WIDTH]
+    for joint, link in zip(arm.joints, arm.links, strict=True):
+        own = link.inertia @ joint.axis @ joint.axis if joint.turns else link.mass
+        dry = joint.friction.coulomb + joint.friction.load * min(joint.largest, 1e4)
+        inertia = (joint.actuator.rotor or 0.0) + float(own)
+        if dry > 0.0 and inertia > 0.0:
+            widths.append(step * dry / inertia)
+    return float(max(widths))
 
 
 def _pointer(values: Array) -> ctypes.c_void_p:

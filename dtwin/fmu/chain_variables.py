@@ -9,6 +9,7 @@ import numpy as np
 
 from dtwin.arm.chain import INERTIAL, Arm, Array, Joint
 from dtwin.controller.chain.application import SEQUENCE, STOP, joint_name
+from dtwin.equations.native import width_of
 from dtwin.fmu.ranges import STEPS, Range
 from dtwin.fmu.variables import BOX_MASS, TIME, Value, Variability, Variable
 
@@ -22,8 +23,6 @@ WIDTHS: Final[Range] = (1e-6, 1e2)
 _LARGE: Final = 1e9
 _EITHER: Final[Range] = (-_LARGE, _LARGE)
 _POSITIVE: Final[Range] = (0.0, _LARGE)
-_WIDTH: Final = 0.01
-"""Least velocity over which dry friction changes its sign at first, rad/s or m/s."""
 _UNITS: Final = {"voltage": "V", "current": "A", "position": "rad"}
 _BODY: Final = {
     "m": ("mass", "kg", (0.0, 1e5)),
@@ -153,7 +152,7 @@ def _arm_parameters(arm: Arm, step: float, start: Array, prefix: str) -> Iterato
         for name, (value, unit, bounds, text) in _drive(joint).items():
             yield real(f"{name}_{i + 1}", f"{name}[{i}]", f"{joint.name}: {text}", value, unit, bounds, False)
     text = "Velocity over which dry friction changes its sign"
-    yield real("coulomb_width", "coulomb_width", text, _width(arm, step), "rad/s", WIDTHS, False)
+    yield real("coulomb_width", "coulomb_width", text, min(width_of(arm, step), WIDTHS[1]), "rad/s", WIDTHS, False)
     yield real("longest_step", "longest_step", "Longest step of the integration", step, "s", STEPS, True)
     for i, joint in enumerate(arm.joints):
         text = f"Position of {joint.name} at the start"
@@ -177,23 +176,6 @@ def _drive(joint: Joint) -> dict[str, tuple[float, str, Range, str]]:
         (friction.load, "", (0.0, 1.0), "friction in parts of the torque that the gear carries"),
     )
     return dict(zip(_DRIVE, found, strict=True))
-
-
-def _width(arm: Arm, step: float) -> float:
-    """A velocity over which dry friction changes its sign so slowly that explicit steps stay stable.
-
-    Runge-Kutta's method of fourth order is stable up to rates of 2.78 a step (Hairer and Wanner, IV.2). With this
-    width friction makes a rate of at most 1 a step where a joint moves its own link and rotor alone, and less where
-    it moves more.
-    """
-    widths = [_WIDTH]
-    for joint, link in zip(arm.joints, arm.links, strict=True):
-        own = link.inertia @ joint.axis @ joint.axis if joint.turns else link.mass
-        dry = joint.friction.coulomb + joint.friction.load * min(joint.largest, 1e4)
-        inertia = (joint.actuator.rotor or 0.0) + float(own)
-        if dry > 0.0 and inertia > 0.0:
-            widths.append(step * dry / inertia)
-    return min(float(max(widths)), WIDTHS[1])
 
 
 def _motion(arm: Arm, prefix: str, acting: tuple[str, ...]) -> Iterator[Variable]:

@@ -15,13 +15,22 @@ from pathlib import Path
 from typing import Final
 
 from dtwin.arm.model import ArmModel
-from dtwin.bus.chain.messages import JointAdjustment, JointModel, JointTicks, JointUpload, JointUploadRequest
-from dtwin.bus.messages import ADJUSTED, ARM_ROLL_BACK, ARM_UPLOAD, EVENTS, JOINT_TICKS, MODEL
+from dtwin.bus.chain.messages import (
+    JointAdjustment,
+    JointModel,
+    JointPredicted,
+    JointQuestion,
+    JointTicks,
+    JointUpload,
+    JointUploadRequest,
+)
+from dtwin.bus.messages import ADJUSTED, ARM_PREDICT, ARM_ROLL_BACK, ARM_UPLOAD, EVENTS, JOINT_TICKS, MODEL
 from dtwin.bus.session import Bus
 from dtwin.bus.twin_messages import RollBackRequest
 from dtwin.errors import CommunicationError, DtwinError, ParameterError
 from dtwin.run.chain import ChainSettings
 from dtwin.services.chain.options import ArmCellOptions
+from dtwin.services.chain.predicting import Predicting
 from dtwin.services.parts.readiness.preparation import prepare
 from dtwin.services.service import Link, Service, main
 from dtwin.signals import Event, EventKind
@@ -99,6 +108,8 @@ class Uploading:
         bus.subscribe(ADJUSTED, JointAdjustment, service.inbox.put)
         bus.answer(ARM_UPLOAD, JointUploadRequest, self._answer, self._now)
         bus.answer(ARM_ROLL_BACK, RollBackRequest, self._roll_back, self._now)
+        self._predicting = Predicting(settings)
+        bus.answer(ARM_PREDICT, JointQuestion, self._predict, lambda: self._predict(JointQuestion()))
 
     def run(self) -> None:
         """Works until it is asked to end."""
@@ -126,7 +137,13 @@ class Uploading:
                 self._look_again()
                 service.report("running", self._done, time=self._time)
 
+    def _predict(self, question: JointQuestion) -> JointPredicted:
+        """Answers on a thread of its own, beside everything else: nothing is changed."""
+        last = self._there().last
+        return self._predicting.answer(question, last.version, last.model)
+
     def _judge(self, passed: JointTicks) -> None:
+        self._predicting.receive(passed)
         self._time = passed.ticks[-1].sensors.time
         for tick in passed.ticks:
             sensors = tick.sensors

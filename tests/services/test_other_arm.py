@@ -5,6 +5,7 @@ import os
 import signal
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -165,6 +166,24 @@ def test_a_person_approves_what_recovery_of_another_arm_proposes(desk: Desk, tmp
         assert "approved already" in desk.run("mcp", "approve", "1", "--yes", "--who", "bob", status=2)
         bus.ask(FAULT, FaultRequest(("freeze2@0",)), Done)
         until(lambda: told("help"), "a stop waits for nobody", 60.0)
+
+
+def test_the_twin_of_a_running_arm_answers_what_if(desk: Desk, tmp_path: Path) -> None:
+    files = ["--history", str(tmp_path / "uploads.jsonl")]
+    desk.detach("--arm", "planar-2r", "--machine", "nominal", "--pace", "lockstep", "--simulation", *files)
+    question = ["simulate", "--live", "--pole", "8"]
+
+    def measured() -> dict[str, Any] | None:
+        found: dict[str, Any] = json.loads(desk.run(*question, "--json"))
+        return found if found["measured"] else None
+
+    found = until(measured, "8 s have passed", 60.0)
+    assert max(found["proposed"]["tracking"]) > max(found["now"]["tracking"])
+    assert max(found["measured"]) < 5.0 * max(found["now"]["tracking"])
+    assert found["version"] == 1
+    assert "modulus" in desk.run(*question)
+    assert "pole: expected 1 to 60 rad/s" in desk.run("simulate", "--live", "--pole", "80", status=2)
+    assert "--kp: has no meaning for another arm" in desk.run("simulate", "--live", "--kp", "1", "2", "3", status=2)
 
 
 def test_another_arm_is_identified_while_it_works_and_its_blocks_get_the_model(desk: Desk, tmp_path: Path) -> None:

@@ -120,6 +120,66 @@ class JointUploadRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SC
     version: Count | None = None
 
 
+class JointQuestion(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """What if the blocks of a running arm had other settings? Nothing is changed.
+
+    Attributes:
+        pole: triple pole of the errors of every joint, rad/s; as it is if None.
+        observer: double pole of the observers, rad/s; as it is if None.
+        speed: speeds of the paths in parts of what they are; accelerations follow with its square.
+        payload: mass that hangs on the tool without the blocks knowing, kg.
+        model: model of the blocks; that in force if None.
+    """
+
+    pole: float | None = None
+    observer: float | None = None
+    speed: float = 1.0
+    payload: float = 0.0
+    model: ArmModel | None = None
+
+
+class JointOutcome(msgspec.Struct, frozen=True):
+    """How the twin does its work. The lists have a value for each joint.
+
+    Attributes:
+        tracking: largest distance from the path, rad or m.
+        rms: the same as root mean square.
+        command: largest command in parts of what the drive takes.
+        saturated: time at the limit of the drive, s.
+        modulus: least distance of the loop from instability, the modulus margin.
+        stable: whether every loop is stable.
+        stop: safe stop in force at the end, 0 if none.
+        reached: number of poses that were reached.
+    """
+
+    tracking: Joints
+    rms: Joints
+    command: Joints
+    saturated: Joints
+    modulus: Joints
+    stable: bool
+    stop: Count
+    reached: Count
+
+
+class JointPredicted(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """What the twin expects of settings beside those in force.
+
+    Attributes:
+        version: version of the model in force.
+        span: time that the twin worked, and for which the arm was measured, s.
+        now: with the settings in force.
+        proposed: with those that were asked about.
+        measured: largest distance of each joint from its path on the arm; None before it has moved that long.
+    """
+
+    version: Count
+    span: Seconds
+    now: JointOutcome
+    proposed: JointOutcome
+    measured: Joints | None = None
+
+
 class JointUpload(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
     """The newest entry in the history of an arm's models, and what is in force.
 

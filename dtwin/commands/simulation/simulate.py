@@ -15,6 +15,7 @@ from rich.table import Column, Table
 
 from dtwin.api.live import LiveCell, connect
 from dtwin.api.simulation import motion_case
+from dtwin.commands.simulation.predict_arm import is_other, predict_arm
 from dtwin.controller.runtime import RuntimeOption
 from dtwin.controller.settings import APPLICATION_LAW, ControlSettings, usual_gains
 from dtwin.emulation.encoders import NoiseKind
@@ -100,8 +101,18 @@ class Simulate(CompensationOptions, CellFileOption, RuntimeOption):
     """Draw the motions against their paths to this PNG file."""
     json: bool = False
     """Print one JSON object on standard output and nothing else."""
+    pole: float | None = None
+    """With --live and another arm: triple pole of the errors of its joints, rad/s."""
+    observer: float | None = None
+    """With --live and another arm: double pole of its observers, rad/s."""
+    speed: float | None = None
+    """With --live and another arm: speeds of its paths in parts of what they are."""
 
     def execute(self) -> int:
+        if self.live and is_other(self.cell):
+            return predict_arm(self)
+        if any(value is not None for value in (self.pole, self.observer, self.speed)):
+            raise ParameterError("--pole, --observer, --speed: expected --live and a running cell with another arm")
         if self.plot is not None:
             ensure_writable(self.plot, PICTURE)
         if self.commissioned is not None and self.model is not None:

@@ -76,38 +76,16 @@ static void coefficients_of(const struct arm *arm, struct coefficients *equation
     }
 }
 
-static void accelerate(const struct arm *arm, const struct coefficients *equations, const double *q, const double *qd,
-                       double *qdd)
+static struct dry dry_of(struct arm *arm)
 {
-    double torque[JOINTS];
-    int i;
-    for (i = 0; i < JOINTS; ++i) {
-        const double dry = arm->coulomb[i] + arm->share[i] * arm->carried[i];
-        torque[i] = equations->torque[i] - (dry != 0.0 ? dry * tanh(qd[i] / arm->coulomb_width) : 0.0);
-    }
-    chain_forward(JOINTS, equations->links, chain_gravity, q, qd, torque, qdd);
+    const struct dry dry = {arm->coulomb, arm->share, arm->carried, arm->coulomb_width};
+    return dry;
 }
 
-/* One step of the classical Runge-Kutta method. Friction follows the torque that gears carry at its beginning. */
-static void runge_kutta(struct arm *arm, const struct coefficients *equations, double step)
+static void accelerate(struct arm *arm, const struct coefficients *equations)
 {
-    double a[4][JOINTS], v[4][JOINTS], x[JOINTS];
-    int i, k;
-    for (k = 0; k < 4; ++k) {
-        const double part = k == 0 ? 0.0 : k == 3 ? step : 0.5 * step;
-        for (i = 0; i < JOINTS; ++i) {
-            x[i] = arm->q[i] + (k > 0 ? part * v[k - 1][i] : 0.0);
-            v[k][i] = arm->qd[i] + (k > 0 ? part * a[k - 1][i] : 0.0);
-        }
-        accelerate(arm, equations, x, v[k], a[k]);
-        for (i = 0; i < JOINTS && k == 0; ++i) {
-            arm->carried[i] = fabs(equations->torque[i] - arm->rotor[i] * a[0][i]);
-        }
-    }
-    for (i = 0; i < JOINTS; ++i) {
-        arm->q[i] += step / 6.0 * (v[0][i] + 2.0 * v[1][i] + 2.0 * v[2][i] + v[3][i]);
-        arm->qd[i] += step / 6.0 * (a[0][i] + 2.0 * a[1][i] + 2.0 * a[2][i] + a[3][i]);
-    }
+    const struct dry dry = dry_of(arm);
+    chain_accelerate(JOINTS, equations->links, chain_gravity, arm->q, arm->qd, equations->torque, &dry, arm->qdd);
 }
 
 static void put_to_start(struct arm *arm)
@@ -130,7 +108,7 @@ void arm_refresh(struct arm *arm)
     if (!arm->begun) {
         put_to_start(arm);
     }
-    accelerate(arm, &equations, arm->q, arm->qd, arm->qdd);
+    accelerate(arm, &equations);
 }
 
 static bool is_finite(const struct arm *arm)
@@ -146,6 +124,7 @@ static bool is_finite(const struct arm *arm)
 const char *arm_advance(struct arm *arm, double duration, double rounding)
 {
     struct coefficients equations;
+    const struct dry dry = dry_of(arm);
     const double slack = fmax(ROUNDING * arm->longest_step, rounding);
     const double steps = fmax(1.0, ceil((duration - slack) / arm->longest_step));
     /* a duration that differs from whole steps by rounding counts as whole steps */
@@ -156,10 +135,10 @@ const char *arm_advance(struct arm *arm, double duration, double rounding)
     int i;
     coefficients_of(arm, &equations);
     for (k = 0.0; k < steps && finite; k += 1.0) {
-        runge_kutta(arm, &equations, step);
+        chain_advance(JOINTS, equations.links, chain_gravity, arm->q, arm->qd, equations.torque, &dry, step, 1);
         finite = is_finite(arm);
     }
-    accelerate(arm, &equations, arm->q, arm->qd, arm->qdd);
+    accelerate(arm, &equations);
     for (i = 0; i < JOINTS; ++i) {
         finite = finite && isfinite(arm->qdd[i]);
     }

@@ -1,0 +1,92 @@
+"""What if a running arm were controlled otherwise: its work on the chain twin, beside what was measured lately."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from typing import Final
+
+import numpy as np
+
+from dtwin.arm.model import ArmModel
+from dtwin.bus.chain.messages import JointOutcome, JointPredicted, JointQuestion, JointTicks
+from dtwin.errors import CommunicationError, DivergenceError, ParameterError
+from dtwin.run.chain import ChainSettings
+from dtwin.simulation.chain.whatif import ArmChange, loops_of, work_on_twin
+
+SPAN: Final = 8.0
+"""Time that the twin works, and for which the arm is measured, s."""
+
+
+class Predicting:
+    """Answers what the twin expects.
+
+    Args:
+        settings: run of the arm.
+    """
+
+    def __init__(self, settings: ChainSettings) -> None:
+        self._settings = settings
+        self._errors: deque[tuple[float, ...]] = deque(maxlen=round(SPAN / settings.arm.period))
+        self._where: tuple[float, ...] | None = None
+        self._last = -1
+        self._lock = threading.Lock()
+        self._in_force: tuple[ArmModel, JointOutcome] | None = None
+
+    def receive(self, passed: JointTicks) -> None:
+        """Takes ticks that have passed."""
+        for tick in passed.ticks:
+            sample, acted = tick.sensors, tick.acted
+            if len(sample.theta) != len(self._settings.arm) or sample.sequence <= self._last:
+                self._errors.clear()
+            self._last, self._where = sample.sequence, sample.theta
+            if acted.sequence == sample.sequence and len(acted.target) == len(sample.theta):
+                self._errors.append(tuple(a - b for a, b in zip(acted.target, sample.theta, strict=True)))
+
+    def answer(self, question: JointQuestion, version: int, model: ArmModel) -> JointPredicted:
+        """What the twin expects of settings, beside those in force and what was measured.
+
+        Args:
+            question: the settings.
+            version: of the model in force.
+            model: the model in force.
+
+        Raises:
+            ParameterError: a value is out of range. CommunicationError: no sample has come yet.
+        """
+        where = self._where
+        if where is None:
+            raise CommunicationError("no sample of the arm has come yet")
+        change = ArmChange(question.pole, question.observer, question.speed, question.payload)
+        with self._lock:
+            if self._in_force is None or self._in_force[0] != model:
+                self._in_force = model, self._outcome(model, where, ArmChange())
+            now = self._in_force[1]
+            proposed = now
+            if change != ArmChange() or question.model is not None:
+                proposed = self._outcome(question.model or model, where, change)
+        errors = np.array(self._errors)
+        full = len(errors) == self._errors.maxlen
+        measured = tuple(map(float, np.abs(errors).max(axis=0))) if full else None
+        return JointPredicted(version, SPAN, now, proposed, measured)
+
+    def _outcome(self, model: ArmModel, where: tuple[float, ...], change: ArmChange) -> JointOutcome:
+        loops = loops_of(self._settings, model, change)
+        try:
+            found = work_on_twin(self._settings, model, np.array(where), change, SPAN)
+        except DivergenceError as error:
+            raise ParameterError(f"the twin does not do its work with these settings: {error}") from None
+
+        def each(values: np.ndarray) -> tuple[float, ...]:
+            return tuple(map(float, values))
+
+        return JointOutcome(
+            each(np.abs(found.error).max(axis=0)),
+            each(np.sqrt(np.mean(found.error**2, axis=0))),
+            each(np.abs(found.command).max(axis=0)),
+            each(found.saturated),
+            tuple(float(one.modulus) if np.isfinite(one.modulus) else 0.0 for one in loops),
+            all(one.stable for one in loops),
+            found.stop,
+            found.reached,
+        )

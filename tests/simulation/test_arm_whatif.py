@@ -1,0 +1,153 @@
+"""What if a running arm were controlled otherwise: the chain twin under the real function blocks."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dtwin.arm.chain import Arm, Array, Friction, holding
+from dtwin.arm.model import ArmModel
+from dtwin.bus.chain.messages import JointCommands, JointQuestion, JointSensors, JointTick, JointTicks
+from dtwin.emulation.chain.arms import arm_of
+from dtwin.emulation.chain.plant import ChainPlant
+from dtwin.equations.native import DryFriction, NativeChain
+from dtwin.equations.rigid import forward_dynamics
+from dtwin.errors import CommunicationError, ParameterError
+from dtwin.run.arm_cell import ArmCell
+from dtwin.run.chain import ChainSettings, run
+from dtwin.services.chain.predicting import SPAN, Predicting
+from dtwin.simulation.chain.whatif import ArmChange, loops_of, work_on_twin
+
+AS_IT_IS = ArmChange()
+
+
+def settings(name: str = "planar-2r", machine: str = "nominal") -> ChainSettings:
+    return ArmCell(arm=name, machine=machine).settings(4.0)
+
+
+def without_effects(arm: Arm) -> Arm:
+    joints = (replace(joint, friction=Friction(joint.friction.viscous), step=0.0) for joint in arm.joints)
+    return replace(arm, joints=tuple(joints))
+
+
+@pytest.mark.parametrize("name", ["planar-2r", "six-axis"])
+def test_without_effects_the_twin_is_the_emulation(name: str) -> None:
+    """Blocks and chain twin against blocks and MuJoCo, which know nothing of each other."""
+    given = settings(name, "ideal")
+    arm = without_effects(given.arm)
+    given = replace(given, arm=arm, machine=replace(given.machine, arm=arm))
+    emulated = run(given)
+    found = work_on_twin(given, ArmModel.of(arm), given.poses.positions[0], AS_IT_IS, 4.0)
+    assert np.abs(found.q - emulated.true).max() < 1e-9
+    assert np.abs(found.target - emulated.target).max() < 1e-9
+
+
+def test_dry_friction_opposes_the_motion() -> None:
+    """One step against Runge-Kutta's method in Python with the equations of rigid.py, of an arm without rotors."""
+    arm = without_effects(arm_of("six-axis"))
+    n = len(arm)
+    arm = replace(arm, joints=tuple(replace(j, actuator=replace(j.actuator, rotor=0.0)) for j in arm.joints))
+    generator = np.random.default_rng(2)
+    q, qd = generator.uniform(-1.0, 1.0, (2, n))
+    torque = generator.uniform(-50.0, 50.0, n)
+    coulomb, share, width, step = generator.uniform(1.0, 5.0, n), generator.uniform(0.0, 0.1, n), 0.05, 1e-4
+    viscous = np.array([joint.friction.viscous for joint in arm.joints])
+
+    def accelerations(at: Array, speed: Array, carried: Array) -> Array:
+        lost = viscous * speed + (coulomb + share * carried) * np.tanh(speed / width)
+        found: Array = forward_dynamics(arm, at[None], speed[None], (torque - lost)[None])[0]
+        return found
+
+    moving = NativeChain(arm).moving(q, qd, DryFriction(coulomb, share, width))
+    moving.advance(torque, step, 1)
+    v, a = [qd], [accelerations(q, qd, np.zeros(n))]
+    for part in (0.5 * step, 0.5 * step, step):
+        at, speed = q + part * v[-1], qd + part * a[-1]
+        v.append(speed)
+        a.append(accelerations(at, speed, np.abs(torque)))
+    weights = np.array([1.0, 2.0, 2.0, 1.0])[:, None] * step / 6.0
+    assert moving.q == pytest.approx(q + np.sum(weights * np.array(v), axis=0), abs=1e-9)
+    assert moving.qd == pytest.approx(qd + np.sum(weights * np.array(a), axis=0), abs=1e-9)
+
+
+def test_with_friction_it_follows_its_path_as_the_emulation_does() -> None:
+    given = settings("six-axis")
+    emulated = np.sqrt(np.mean(run(given).error ** 2, axis=0))
+    found = work_on_twin(given, ArmModel.of(given.arm), given.poses.positions[0], AS_IT_IS, 4.0)
+    expected = np.sqrt(np.mean(found.error**2, axis=0))
+    assert (np.abs(np.log(expected / emulated)) < np.log(1.5)).all()
+
+
+def test_softer_gains_and_loads_lead_farther_from_the_path() -> None:
+    given = settings()
+    model, start = ArmModel.of(given.arm), given.poses.positions[0]
+    now, soft, heavy, fast = (
+        np.abs(work_on_twin(given, model, start, change, 4.0).error).max(axis=0)
+        for change in (AS_IT_IS, ArmChange(pole=6.0), ArmChange(payload=0.4), ArmChange(speed=1.6))
+    )
+    assert (soft > now).all()
+    assert (heavy > 2.0 * now).all()
+    assert not np.allclose(fast, now)
+    usual, stiff = (loops_of(given, model, change) for change in (AS_IT_IS, ArmChange(pole=40.0)))
+    assert min(one.modulus for one in stiff) < min(one.modulus for one in usual)
+
+
+def test_a_faster_path_reaches_more_poses() -> None:
+    given = settings()
+    model, start = ArmModel.of(given.arm), given.poses.positions[0]
+    slow, fast = (work_on_twin(given, model, start, ArmChange(speed=s), 8.0).reached for s in (0.5, 1.5))
+    assert fast > slow
+
+
+def test_a_held_mass_is_a_load_of_the_emulation() -> None:
+    arm = without_effects(arm_of("six-axis"))
+    given = settings("six-axis", "ideal")
+    start = np.full(len(arm), 0.3)
+    plant = ChainPlant(replace(given.machine, arm=arm), start)
+    plant.hold(2.0)
+    moving = NativeChain(holding(arm, 2.0)).moving(start, np.zeros(len(arm)))
+    for _ in range(50):
+        plant.apply([1.0] * len(arm))
+        plant.advance()
+        constant = np.array([joint.actuator.constant or 1.0 for joint in arm.joints])
+        moving.advance(constant, arm.period / 4, 4)
+    assert np.abs(moving.q - plant.state[0]).max() < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"pole": 0.0}, "pole: expected 1 to 60 rad/s, got 0"),
+        ({"observer": 1e4}, "observer: expected 10 to 500 rad/s"),
+        ({"speed": 9.0}, "speed: expected 0.1 to 2"),
+        ({"payload": -1.0}, "payload: expected 0 to"),
+    ],
+)
+def test_what_is_out_of_range_is_refused(change: dict[str, float], said: str) -> None:
+    given = settings()
+    with pytest.raises(ParameterError, match=said):
+        work_on_twin(given, ArmModel.of(given.arm), given.poses.positions[0], ArmChange(**change), 1.0)
+
+
+def test_predictions_stand_beside_what_was_measured() -> None:
+    given = settings()
+    predicting, model = Predicting(given), ArmModel.of(given.arm)
+    with pytest.raises(CommunicationError, match="no sample"):
+        predicting.answer(JointQuestion(), 3, model)
+    where = tuple(map(float, given.poses.positions[0]))
+
+    def tick(k: int, off: float) -> JointTick:
+        sensors = JointSensors(k, k * given.arm.period, where)
+        return JointTick(sensors, JointCommands(k, sensors.time, (0.0, 0.0), (where[0] + off, where[1])))
+
+    predicting.receive(JointTicks((tick(0, 0.0),)))
+    assert predicting.answer(JointQuestion(), 3, model).measured is None
+    for k in range(1, round(SPAN / given.arm.period) + 1):
+        predicting.receive(JointTicks((tick(k, 0.002 * (k == 40)),)))
+    found = predicting.answer(JointQuestion(pole=8.0), 3, model)
+    assert found.version == 3
+    assert found.measured == pytest.approx((0.002, 0.0))
+    assert max(found.proposed.tracking) > max(found.now.tracking) > 0.0
+    assert found.now.stable
+    predicting.receive(JointTicks((tick(0, 0.0),)))
+    assert predicting.answer(JointQuestion(), 3, model).measured is None
