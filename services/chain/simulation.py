@@ -30,12 +30,12 @@ from dtwin.bus.twin_messages import RollBackRequest
 from dtwin.errors import CommunicationError, DtwinError, ParameterError
 from dtwin.run.chain import ChainSettings
 from dtwin.services.chain.options import ArmCellOptions
-from dtwin.services.chain.predicting import Predicting
 from dtwin.services.parts.readiness.preparation import prepare
 from dtwin.services.service import Link, Service, main
 from dtwin.signals import Event, EventKind
 from dtwin.simulation.chain.checks import expected_tracking
 from dtwin.simulation.chain.history import ArmEntry, ArmHistory
+from dtwin.simulation.chain.predicting import Predicting
 from dtwin.simulation.chain.upload import ArmUploads
 from dtwin.simulation.history import HISTORY
 

@@ -15,7 +15,7 @@ from dtwin.equations.rigid import forward_dynamics
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.run.arm_cell import ArmCell
 from dtwin.run.chain import ChainSettings, run
-from dtwin.services.chain.predicting import SPAN, Predicting
+from dtwin.simulation.chain.predicting import SPAN, Predicting
 from dtwin.simulation.chain.whatif import ArmChange, loops_of, work_on_twin
 
 AS_IT_IS = ArmChange()
