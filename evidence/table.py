@@ -61,6 +61,11 @@ COMMANDS: Final[dict[str, Subcommand]] = {
         "ExperimentArmFaults",
         "monitor drawn machines of any arm with faults; report",
     ),
+    "experiment arm-days": Subcommand(
+        "evidence.monitoring.arm_days",
+        "ExperimentArmDays",
+        "count false alarms of healthy arms of any kind; report",
+    ),
     "experiment arm-recovery": Subcommand(
         "evidence.recovery.arms", "ExperimentArmRecovery", "have faults of any arm found and answered; report"
     ),

@@ -21,6 +21,9 @@ STEPS: Final = 4
 
 LOCKED: Final = 1e5
 """Friction of a joint that is locked, N m or N: no drive moves it."""
+_RIGID: Final = 0.9999
+"""Impedance of the friction of a joint that is locked, the largest that MuJoCo has. With the usual one, 0.9, a joint
+creeps by a tenth of what its drive would have it do, as fast as 0.3 rad/s."""
 
 
 class ChainPlant:
@@ -56,6 +59,7 @@ class ChainPlant:
         self._waiting = [np.zeros(len(arm)) for _ in range(late)]
         self._data.qpos[:] = start
         self._damping = np.array(self._model.dof_damping)
+        self._impedance = np.array(self._model.dof_solimp[:, :2])
         self._faults = list(faults)
         self._factor = {kind: np.ones(len(arm)) for kind in ("K", "friction")}
         self._added = {kind: np.zeros(len(arm)) for kind in ("bias", "push", "load")}
@@ -112,6 +116,7 @@ class ChainPlant:
             elif fault.kind in self._added:
                 self._added[fault.kind][fault.joint] += fault.value
         self._model.dof_damping[:] = self._damping * self._factor["friction"]
+        self._model.dof_solimp[:, :2] = np.where(self._locked[:, None], _RIGID, self._impedance)
         self._loaded(self._held + float(self._added["load"][0]))
 
     @property

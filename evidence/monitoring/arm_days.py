@@ -1,0 +1,122 @@
+"""False alarms over days of healthy work of any arm: drawn machines in shifts, each of them learned anew."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, Final, NamedTuple
+
+from scipy.stats import chi2
+
+from dtwin.campaign.spread import Progress, Workers, Workforce
+from dtwin.commands.frame import at_least
+from dtwin.monitoring.chain.sequential import HEALTHY, first_fault
+from dtwin.run.arm_cell import ArmCell
+from dtwin.run.chain import run
+from evidence.experiment import SeriesCommand
+from evidence.report import Report
+
+SHIFT: Final = 1800.0
+"""Work that is judged by one monitor, s."""
+_DAY: Final = 86_400.0
+
+
+class ArmShift(NamedTuple):
+    """Work to be judged: an arm, the numbers of its machine and of the generators, and its length, s."""
+
+    arm: str
+    machine: int
+    seed: int
+    seconds: float
+
+
+def judge_shift(item: ArmShift) -> str:
+    """What the monitor said was wrong with a healthy machine, "" for nothing.
+
+    Raises:
+        DtwinError: the work failed.
+    """
+    settings = ArmCell(arm=item.arm, machine=str(item.machine)).settings(HEALTHY + item.seconds, item.seed)
+    ran = run(settings)
+    found = first_fault(settings.arm, ran.t, ran.q, ran.target, ran.effort)
+    return "" if found is None else f"machine {item.machine}, seed {item.seed}: {found.text(settings.arm)}"
+
+
+@dataclass(frozen=True, slots=True)
+class ArmDays:
+    """What came of all shifts.
+
+    Attributes:
+        arm: name of the arm.
+        machines: number of machines.
+        shifts: number of shifts.
+        days: time that was judged, days.
+        alarms: what was said, in words.
+    """
+
+    arm: str
+    machines: int
+    shifts: int
+    days: float
+    alarms: tuple[str, ...]
+
+    @property
+    def bound(self) -> float:
+        """Rate of false alarms a day that the number of them excludes with 95 %: Poisson, one-sided, alarms a day."""
+        return float(chi2.ppf(0.95, 2 * (len(self.alarms) + 1)) / 2.0 / self.days)
+
+
+def shifts_of(arm: str, days: float, machines: int, seed: int) -> list[ArmShift]:
+    """The shifts: machines in turn, whose numbers begin with 5000 + seed, each time with another seed."""
+    count = max(1, round(days * _DAY / SHIFT))
+    return [ArmShift(arm, 5000 + seed + k % machines, seed + k, SHIFT) for k in range(count)]
+
+
+def arm_days(shifts: Sequence[ArmShift], workforce: Workforce, progress: Progress) -> ArmDays:
+    """Lets all shifts work.
+
+    Raises:
+        DtwinError: the work failed.
+    """
+    with Workers(workforce) as pool:
+        said = pool.map(judge_shift, shifts, progress)
+    days = sum(shift.seconds for shift in shifts) / _DAY
+    machines = len({shift.machine for shift in shifts})
+    return ArmDays(shifts[0].arm, machines, len(shifts), days, tuple(text for text in said if text))
+
+
+@dataclass(frozen=True)
+class ExperimentArmDays(SeriesCommand[ArmDays]):
+    """Let healthy machines of an arm work for days, and count what their monitors say is wrong."""
+
+    name: ClassVar = "arm-days"
+
+    arm: str = "six-axis"
+    """Name of arms/, or file of an arm (*.toml)."""
+    days: float = 1.0
+    """Time that is judged, days; beside it every shift of half an hour has a minute in which its monitor learns."""
+    machines: int = 10
+    """Number of machines."""
+
+    def measure(self, progress: Progress) -> ArmDays:
+        at_least("--machines", self.machines, 1)
+        at_least("--days", self.days, 0.001)
+        return arm_days(shifts_of(self.arm, self.days, self.machines, self.seed), self.workforce(), progress)
+
+    def report(self, result: ArmDays) -> Report:
+        words = (
+            f"{result.machines} machines worked in {result.shifts} shifts, {result.days:.2f} days in all, without a "
+            f"fault. Their monitors gave {len(result.alarms)} alarms; with 95 % there are fewer than "
+            f"{result.bound:.2g} a day."
+        )
+        return Report(f"False alarms of drawn machines of {result.arm}", (words, *result.alarms))
+
+    def figures(self, result: ArmDays) -> dict[str, Any]:
+        return {
+            "arm": result.arm,
+            "machines": result.machines,
+            "shifts": result.shifts,
+            "days": result.days,
+            "alarms": list(result.alarms),
+            "bound_a_day": result.bound,
+        }
