@@ -40,7 +40,7 @@ class Router:
         events, data = [Connection("START.COLD", f"{_ROUTER}.INIT")], []
         for k in range(1, _VEHICLES + 1):
             ends = (Parameter("QI", "TRUE"), Parameter("ID", f"'localhost:{61700 + k}'"))
-            drawn.append(Block(f"V{k}", "SERVER_1_2", ends))
+            drawn.append(Block(f"V{k}", "SERVER_1_3", ends))
             events += [
                 Connection("START.COLD", f"V{k}.INIT"),
                 Connection(f"V{k}.IND", f"{_ROUTER}.REQ{k}"),
@@ -49,6 +49,7 @@ class Router:
             data += [
                 Connection(f"V{k}.RD_1", f"{_ROUTER}.AT{k}"),
                 Connection(f"V{k}.RD_2", f"{_ROUTER}.GOAL{k}"),
+                Connection(f"V{k}.RD_3", f"{_ROUTER}.STANDING{k}"),
                 Connection(f"{_ROUTER}.NEXT{k}", f"V{k}.SD_1"),
             ]
         self.resource: Blocks = running(FBNetwork(tuple(drawn), (), tuple(events), tuple(data)), Library([blocks]))
@@ -61,9 +62,16 @@ class Router:
             self._parts = [slice(places[name], places[name] + 4 * size) for name, size in _MEMORY.items()]
         self.resource.start()
 
-    def ask(self, vehicle: int, at: int, goal: int) -> int:
-        """The node that is given to a vehicle (from 0) at a node with a goal; 0 for none."""
-        (node,) = self._servers[vehicle].exchange((at, goal))
+    def ask(self, vehicle: int, at: int, goal: int, standing: bool = True) -> int:
+        """The node that is given to a vehicle (from 0) at a node with a goal; 0 for none.
+
+        Args:
+            vehicle: its number.
+            at: last node that it has reached.
+            goal: where it wants to go.
+            standing: whether it was given no node beyond that.
+        """
+        (node,) = self._servers[vehicle].exchange((at, goal, standing))
         return int(node)
 
     def state(self) -> tuple[object, object]:
@@ -118,6 +126,8 @@ def search(
         DtwinError: there are more states.
     """
     router = Router(inputs, blocks)
+    for k, home in enumerate(homes):
+        router.ask(k, home, home)
     first: Vehicles = tuple(((home,), home) for home in homes)
     start = State(first, *router.state())
     numbers = {start.key: 0}
@@ -184,7 +194,7 @@ def _steps(
                     yield True, State(with_vehicle(held, other), memory, snapshot)
         if len(held) <= ahead:
             blocks.restore(snapshot)
-            node = router.ask(k, held[0], goal)
+            node = router.ask(k, held[0], goal, len(held) == 1)
             after = with_vehicle((*held, node) if node else held, goal)
             yield False, State(after, *router.state())
 

@@ -210,7 +210,7 @@ def _draw_vehicle(
     drawing.event(f"{router}.CNF{k}", f"{plant}.RSP")
     drawing.event(f"{dispatch}.ORDER{k}", f"{execution}.ORDER")
     drawing.wires(plant, execution, {"RD_1": "AT", "RD_2": "STANDING", "RD_3": "LOADED", "RD_4": "BATTERY"})
-    drawing.wires(plant, router, {"RD_1": f"AT{k}"})
+    drawing.wires(plant, router, {"RD_1": f"AT{k}", "RD_2": f"STANDING{k}"})
     drawing.wires(plant, dispatch, {"RD_1": f"AT{k}"})
     drawing.wires(execution, router, {"GOAL": f"GOAL{k}"})
     drawing.wires(execution, dispatch, {"PHASE": f"PHASE{k}", "DONE": f"DONE{k}"})

@@ -130,6 +130,23 @@ def test_a_vehicle_waits_for_the_box_that_it_has_brought_no_longer_than_its_pati
     assert left[0.0][1] < 5.0 < left[10.0][1] + 5.0 < 17.0
 
 
+@pytest.mark.parametrize("seconds", [42, 61, 65])
+def test_vehicles_do_not_touch_when_their_control_begins_anew(seconds: int) -> None:
+    plant, control = timed(LINE), Control(LINE, OneResource(LINE))
+    control.set_up(LINE.assignment)
+    worked(plant, control, seconds)
+    assert any(not vehicle.standing for vehicle in plant.vehicles.values())
+    for _ in range(5):  # nobody answers
+        plant.advance()
+    control = Control(LINE, OneResource(LINE))
+    control.set_up(LINE.assignment)
+    worked(plant, control, 200)
+    before = len(plant.left)
+    worked(plant, control, 150)
+    assert (plant.lost, plant.collisions) == (0, 0)
+    assert len(plant.left) > before
+
+
 def test_a_zone_refuses_a_set_up_in_which_its_boxes_could_not_leave() -> None:
     control = Control(LINE, OneResource(LINE))
     assert control.set_up(LINE.assignment)

@@ -81,10 +81,15 @@ class Driven:
 
     def __init__(self, track: Drawn, seed: int) -> None:
         self.track = track
-        self.router = Router(track_inputs(track.nodes, track.ends, {*track.homes, *track.goals}, track.homes))
+        self.restart()
         self.held = [[home] for home in track.homes]
         self.goals = list(track.homes)
         self._generator = np.random.default_rng(seed)
+
+    def restart(self) -> None:
+        """Puts a router in its place that knows nothing of the vehicles."""
+        track = self.track
+        self.router = Router(track_inputs(track.nodes, track.ends, {*track.homes, *track.goals}, track.homes))
 
     def step(self, vehicle: int) -> bool:
         """One vehicle drives on to the next node that it was given, or asks; whether anything changed."""
@@ -92,7 +97,7 @@ class Driven:
         if len(held) > 1 and self._generator.random() < 0.5:
             held.pop(0)
             return True
-        node = self.router.ask(vehicle, held[0], self.goals[vehicle])
+        node = self.router.ask(vehicle, held[0], self.goals[vehicle], len(held) == 1)
         if node:
             assert (held[-1], node) in self.track.ends
             held.append(node)
@@ -135,6 +140,16 @@ def everybody_comes_to_its_goal(track: Drawn, seed: int) -> None:
 @given(track=tracks(), seed=st.integers(0, 2**32 - 1))
 def test_on_any_track_everybody_comes_to_its_goal(track: Drawn, seed: int) -> None:
     everybody_comes_to_its_goal(track, seed)
+
+
+@settings(max_examples=15, deadline=None)
+@given(track=tracks(), seed=st.integers(0, 2**32 - 1))
+def test_a_router_that_begins_anew_finds_the_vehicles_where_they_are(track: Drawn, seed: int) -> None:
+    driven = Driven(track, seed)
+    for again in range(3):
+        driven.wander(100 + 37 * again)
+        driven.restart()
+    driven.settle(track.homes)
 
 
 @pytest.mark.thorough
