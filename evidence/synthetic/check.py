@@ -10,7 +10,7 @@ from typing import Final
 import msgspec
 import numpy as np
 
-from dtwin.arm.chain import INERTIAL
+from dtwin.arm.chain import INERTIAL, Array
 from dtwin.campaign.spread import Progress, Workforce, spread
 from dtwin.emulation.peer import is_installed
 from dtwin.errors import ParameterError
@@ -29,8 +29,8 @@ AHEAD: Final = 0.9
 """Least share of the machines on which the error on other motion shall be less than the others'."""
 FASTER: Final = 10.0
 """How many times faster than mujoco.sysid the identification of the same motion shall be."""
-PEER_SECONDS: Final = 10.0
-"""Length of the motion that mujoco.sysid is given, s; all of it would take hours."""
+PEER_SECONDS: Final = 20.0
+"""Length of the motion that mujoco.sysid is given, s; with all of it 40 machines would take hours."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,8 +62,10 @@ class Known(msgspec.Struct, frozen=True):
         theirs: that of ordinary least squares, which is told the drives' constants.
         seconds: time that identification and least squares took, s.
         peer: share that mujoco.sysid leaves unexplained, joint by joint; empty where it was not asked.
-        peer_seconds: time that it took, s.
-        same_seconds: time that identification took for the motion that mujoco.sysid was given, s.
+        same: share that identification leaves where it has the motion and the constants that mujoco.sysid has.
+        peer_seconds: processor time that mujoco.sysid took, s.
+        same_seconds: processor time that identification took for the same motion, s.
+        peer_fit: what mujoco.sysid left of the torque that it fitted where its search began and where it ended.
     """
 
     number: int
@@ -74,8 +76,10 @@ class Known(msgspec.Struct, frozen=True):
     theirs: tuple[float, ...]
     seconds: tuple[float, float]
     peer: tuple[float, ...] = ()
+    same: tuple[float, ...] = ()
     peer_seconds: float = 0.0
     same_seconds: float = 0.0
+    peer_fit: tuple[float, float] = (0.0, 0.0)
 
     @property
     def ratio(self) -> float:
@@ -84,8 +88,8 @@ class Known(msgspec.Struct, frozen=True):
 
     @property
     def peer_ratio(self) -> float:
-        """Our error over that of mujoco.sysid; 0 where it was not asked."""
-        return float(np.exp(np.mean(np.log(self.ours) - np.log(self.peer)))) if self.peer else 0.0
+        """Our error over that of mujoco.sysid, both with the same motion; 0 where it was not asked."""
+        return float(np.exp(np.mean(np.log(self.same) - np.log(self.peer)))) if self.peer else 0.0
 
 
 def synthetic_experiment(
@@ -97,7 +101,7 @@ def synthetic_experiment(
         machines: how many.
         first: number of the first one.
         seconds: length of each of their motions, s.
-        peers: number of machines that mujoco.sysid identifies, too.
+        peers: number of machines, the first ones, that mujoco.sysid identifies, too.
         force: who works.
         progress: is told how many are done.
 
@@ -107,7 +111,7 @@ def synthetic_experiment(
     """
     if peers and not is_installed():
         raise ParameterError("--peers: expected mujoco.sysid: pip install 'mujoco[sysid]'")
-    tasks = [Task(first + k, JOINTS[k // 2 % 2], seconds, k % 2 == 0 and k // 2 < peers) for k in range(machines)]
+    tasks = [Task(first + k, JOINTS[k // 2 % 2], seconds, k < peers) for k in range(machines)]
     return spread(meet, tasks, force, progress)
 
 
@@ -132,26 +136,39 @@ def meet(task: Task) -> Known:
     truth = dict(truth_of(machine, found))
     away = {row.name: float((row.value - truth[row.name]) / row.half) for row in numbers(found) if row.told}
     ours, theirs = unexplained(*found.predicted(other)), unexplained(*baseline.predicted(other))
-    peer, peers, same = _peer(machine, found, empty, other) if task.peer else ((), 0.0, 0.0)
     shares = tuple(ours.tolist()), tuple(theirs.tolist())
-    return Known(task.number, task.joints, found.groups, away, *shares, (took, least), peer, peers, same)
+    known = Known(task.number, task.joints, found.groups, away, *shares, (took, least))
+    return _beside(known, machine, found, empty, other) if task.peer else known
 
 
-def _peer(
-    machine: Drawn, found: Identification, empty: Measurement, other: Measurement
-) -> tuple[tuple[float, ...], float, float]:
-    """What mujoco.sysid leaves of the torque of another motion, its time, and ours for the same motion.
+def _beside(known: Known, machine: Drawn, found: Identification, empty: Measurement, other: Measurement) -> Known:
+    """What mujoco.sysid leaves of the torque of another motion, and we with the same motion.
 
-    Both are told the drives' constants, as torques of a motion with an empty hand.
+    Both are told the drives' constants, as torques of a motion with an empty hand. Time is the processor's, as others
+    work on the machine meanwhile.
     """
     given = empty.rows(slice(round(PEER_SECONDS / empty.step)))
-    assert given.effort is not None  # drawn machines log currents
-    torque = replace(given, effort=given.effort * machine.gain, kind="torque")
-    began = time.perf_counter()
-    identify(machine.sheet, [Sample(torque)])
-    same = time.perf_counter() - began
-    peer = Sysid(machine.sheet, [given], machine.gain, found.design.scales, Filtering())
-    return tuple(unexplained(*peer.predicted(other)).tolist()), peer.seconds, same
+    torque, asked = (_as_torque(log, machine.gain) for log in (given, other))
+    began = time.process_time()
+    same = identify(machine.sheet, [Sample(torque)])
+    ours = time.process_time() - began
+    began = time.process_time()
+    peer = Sysid(machine.sheet, [torque], np.ones(len(machine.gain)), found.design.scales, Filtering())
+    theirs = time.process_time() - began
+    shares = [tuple(unexplained(*who.predicted(asked)).tolist()) for who in (peer, same)]
+    return msgspec.structs.replace(
+        known,
+        peer=shares[0],
+        same=shares[1],
+        peer_seconds=theirs,
+        same_seconds=ours,
+        peer_fit=(peer.fit.start, peer.fit.end),
+    )
+
+
+def _as_torque(log: Measurement, gain: Array) -> Measurement:
+    assert log.effort is not None  # drawn machines log currents
+    return replace(log, effort=log.effort * gain, kind="torque")
 
 
 def truth_of(machine: Drawn, found: Identification) -> Iterator[tuple[str, float]]:

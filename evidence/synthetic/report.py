@@ -37,36 +37,45 @@ def synthetic_report(found: Sequence[Known], seconds: float) -> Report:
             f"{sum(abs(value) <= 1.0 for value in one.away.values())} of {len(one.away)}",
             f"{_mean(one.ours):.4f}",
             f"{_mean(one.theirs):.4f}",
-            f"{_mean(one.peer):.4f}" if one.peer else "",
             f"{one.seconds[0]:.1f}",
-            f"{one.peer_seconds:.0f} / {one.same_seconds:.1f}" if one.peer else "",
+            f"{_mean(one.same):.4f}" if one.peer else "",
+            f"{_mean(one.peer):.4f}" if one.peer else "",
+            f"{one.same_seconds:.1f}" if one.peer else "",
+            f"{one.peer_seconds:.1f}" if one.peer else "",
         ]
         for one in found
     ]
-    head = ["machine", "joints", "intervals that hold the truth", "ours", "least squares", "mujoco.sysid"]
+    head = ["machine", "joints", "intervals that hold the truth", "ours", "least squares", "time, s"]
+    short = f"of {PEER_SECONDS:g} s"
+    beside = [f"ours {short}", f"mujoco.sysid {short}", "our time, s", "its time, s"]
     words = (
         f"{len(found)} drawn machines whose numbers are known, each identified from three motions of {seconds:g} s: "
         "with an empty hand, with a load that is weighed and with one that is to be found. They have every effect "
         "that the identification has words for, told in the forms of textbooks, and a disturbance that no term has. "
         "Errors are the unexplained share of the torque of a fourth motion, the geometric mean over the joints. "
-        f"Least squares and mujoco.sysid are told the drives' constants; mujoco.sysid has {PEER_SECONDS:g} s of the "
-        "first motion."
+        "Least squares is told the drives' constants and has the first motion. mujoco.sysid and, beside it, the "
+        f"identification are told the constants and have {PEER_SECONDS:g} s of the first motion; their times are the "
+        "processor's."
     )
     told = (
         f"{covered(found):.1%} of the 95 % intervals of what the data tell hold the truth (asked: "
         f"{COVERED[0]:.0%} to {COVERED[1]:.0%}). On {ahead(found):.0%} of the machines the error is less than the "
         f"others' (asked: {AHEAD:.0%})."
     )
-    if any(one.peer for one in found):
+    if asked := [one for one in found if one.peer]:
         told += (
-            f" mujoco.sysid took at least {faster(found):.0f} times as long for the same motion (asked: {FASTER:g})."
+            f" It is {_mean([one.ratio for one in found]):.2f} of that of least squares and, on the {len(asked)} "
+            f"machines that mujoco.sysid was asked about, {_mean([one.peer_ratio for one in asked]):.2f} of its own "
+            f"(geometric means). Its search left {_mean([one.peer_fit[1] for one in asked]):.3f} of the torque that "
+            f"it fitted, after {_mean([one.peer_fit[0] for one in asked]):.3f} where it began. It took at least "
+            f"{faster(found):.0f} times as long for the same motion (asked: {FASTER:g})."
         )
     kinds = sorted({kind_of(name) for one in found for name in one.away})
     by_kind = [[kind, str(_count(found, kind)), f"{covered(found, kind):.1%}"] for kind in kinds]
     return page(
         "Drawn arms whose numbers are known",
         words,
-        table([*head, "time, s", "its time / ours for the same motion, s"], rows),
+        table([*head, *beside], rows),
         told,
         "## By sort of number",
         table(["sort", "intervals", "that hold the truth"], by_kind),
@@ -110,7 +119,7 @@ class ExperimentSynthetic(SeriesCommand[list[Known]]):
     duration: float = 50.0
     """Length of each motion, s."""
     peers: int = 0
-    """Number of machines that mujoco.sysid identifies, too; each takes it minutes."""
+    """Number of machines, the first ones, that mujoco.sysid identifies, too; each takes it a minute."""
 
     def measure(self, progress: Progress) -> list[Known]:
         at_least("--machines", self.machines, 1)

@@ -11,7 +11,8 @@ from evidence.synthetic.report import synthetic_figures, synthetic_report
 
 
 def known(away: dict[str, float], ours: float = 0.01, peer: float = 0.2, peer_seconds: float = 100.0) -> Known:
-    return Known(1, 2, ("rotor",), away, (ours, ours), (0.1, 0.1), (5.0, 0.5), (peer, peer), peer_seconds, 5.0)
+    shares = (ours, ours), (0.1, 0.1), (5.0, 0.5), (peer, peer), (ours, ours)
+    return Known(1, 2, ("rotor",), away, *shares, peer_seconds, 5.0, (0.3, 0.1))
 
 
 @pytest.mark.parametrize("joints", [6, 7])

@@ -1,7 +1,10 @@
-"""mujoco.sysid on a serial arm, for comparison: bodies, viscous and dry friction and rotors from motion and torque.
+"""mujoco.sysid on a serial arm, for comparison: bodies, friction, rotors and offsets from motion and torque.
 
-It simulates windows of the motion from measured states and searches the parameters whose motion is that which was
-measured, with derivatives by differences, as its documentation shows. Bodies have its pseudo-inertia parameters.
+Its rollout is replaced, as its documentation provides for, by MuJoCo's inverse dynamics at the measured states, so
+that it fits the torque that it is judged by. Simulated windows of the motion, its default, run away from what was
+measured, as an arm is unstable under given torques, and end at bodies that explain no torque. Bodies have its
+pseudo-inertia parameters; friction is MuJoCo's own, dry and a polynomial of the speed; offsets are biases of its
+sensors.
 """
 
 from __future__ import annotations
@@ -10,7 +13,7 @@ import contextlib
 import io
 import logging
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -22,38 +25,71 @@ from dtwin.emulation.chain.model import chain_spec
 from dtwin.emulation.peer import is_installed
 from dtwin.errors import DtwinError
 
-_WINDOW: Final = 0.5
-"""Length of a window, s: longer ones run away from what was measured, as arms are unstable under given torques."""
-_ITERATIONS: Final = 10
-"""Steps of the search, each of which takes about a thousand simulations of the motion."""
+_EVALUATIONS: Final = 40
+"""Steps of the search at most; it ends by itself."""
+_SMALL: Final = 1e-3
+"""Gain of a step that ends the search, in parts of the cost."""
+_DIFFERENCE: Final = 1e-6
+"""Relative step of its derivatives by differences; with its own, 1.5e-8, bodies that tell little are all noise."""
+_STRETCH: Final = np.array([0.05, 20.0])
+"""Bounds of how a body may be stretched along its axes, in parts of the description's."""
+_SHEAR: Final = np.array([-1.0, 1.0])
+"""Bounds of how a body may be sheared."""
+_CENTRE: Final = np.array([-0.3, 0.3])
+"""Bounds of how far a centre of mass may be from the description's, m."""
+_MASS: Final = np.array([0.1, 10.0])
+"""Bounds of a mass in parts of the description's."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Posed:
+    """A stretch of motion that is known, and what was measured of it.
+
+    Attributes:
+        q: positions, (N, n).
+        v: velocities, (N, n).
+        a: accelerations, (N, n).
+        torque: measured torque after the filter, (K, n), N m.
+        through: filter that the torque of the model passes to be compared with it: (N, n) to (K, n).
+    """
+
+    q: Array
+    v: Array
+    a: Array
+    torque: Array
+    through: Callable[[Array], Array]
+
+
 class ChainPeerFit:
     """What mujoco.sysid found.
 
     Attributes:
         parameters: inertial parameters of all links, (10 n,), in the order of chain.INERTIAL.
-        viscous: torque per velocity, (n,).
-        coulomb: torque against the motion, (n,).
         rotor: inertia of every rotor, (n,).
+        offset: torque that is always there, (n,).
         seconds: time that the search took, s.
+        start: root mean square of the residual where the search began, in parts of the torque's.
+        end: the same where it ended.
     """
 
-    parameters: Array
-    viscous: Array
-    coulomb: Array
-    rotor: Array
-    seconds: float
+    def __init__(self, arm: Arm, model: Any, offset: Array, seconds: float, sizes: tuple[float, float]) -> None:
+        self._model = model
+        self.parameters, self.rotor = _bodies(arm, model), np.array(model.dof_armature)
+        self.offset, self.seconds = offset, seconds
+        self.start, self.end = sizes
+
+    def torque(self, q: Array, v: Array, a: Array) -> Array:
+        """What the model that was found needs for a motion, (N, n)."""
+        return _inverse(self._model, mujoco.MjData(self._model), q, v, a) + self.offset
 
 
-def fit_chain(arm: Arm, dt: float, motions: Sequence[tuple[Array, Array, Array]]) -> ChainPeerFit:
+def fit_chain(arm: Arm, dt: float, motions: Sequence[Posed]) -> ChainPeerFit:
     """Identifies an arm by mujoco.sysid.
 
     Args:
         arm: the arm as it is known, where the search begins.
         dt: time from row to row, s.
-        motions: positions, velocities and torques of the drives, (N, n) each, stretch by stretch.
+        motions: stretches of motion.
 
     Raises:
         DtwinError: mujoco.sysid cannot be imported, or its search ends with an error.
@@ -64,23 +100,14 @@ def fit_chain(arm: Arm, dt: float, motions: Sequence[tuple[Array, Array, Array]]
 
     spec = _spec(arm, dt)
     model = spec.compile()
-    parameters = _parameters(arm, spec, model, np.max([np.abs(motion[2]).max(axis=0) for motion in motions], axis=0))
-    rows = round(_WINDOW / dt)
-    times = np.arange(rows) * dt
-    parts = [
-        [column[start : start + rows] for column in motion]
-        for motion in motions
-        for start in range(0, len(motion[0]) - rows, rows)
-    ]
-    sequences = sysid.ModelSequences(
-        arm.name,
-        spec,
-        [f"window {k}" for k in range(len(parts))],
-        [sysid.create_initial_state(model, q[0], v[0]) for q, v, _ in parts],
-        [sysid.TimeSeries(times, torque) for _, _, torque in parts],
-        [sysid.TimeSeries.from_names(times, np.hstack([q, v]), model) for q, v, _ in parts],
+    parameters = _parameters(arm, spec, model, np.max([np.abs(m.torque).max(axis=0) for m in motions], axis=0))
+    transform = sysid.SignalTransform()
+    for joint in arm.joints:
+        transform.bias(_sensor(joint.name), parameters[f"{joint.name} offset"], target="predicted")
+    sequences = [_sequence(sysid, arm, spec, model, number, motion) for number, motion in enumerate(motions)]
+    residual = sysid.build_residual_fn(
+        models_sequences=sequences, custom_rollout=_Inverse(motions), modify_residual=transform.apply, n_threads=1
     )
-    residual = sysid.build_residual_fn(models_sequences=[sequences])
     level = logging.getLogger().level
     logging.getLogger().setLevel(logging.ERROR)
     try:
@@ -88,7 +115,14 @@ def fit_chain(arm: Arm, dt: float, motions: Sequence[tuple[Array, Array, Array]]
         # Its optimiser prints whatever `verbose` says.
         with contextlib.redirect_stdout(io.StringIO()):
             found, _ = sysid.optimize(
-                parameters, residual, optimizer="mujoco", verbose=False, x_scale="jac", max_iters=_ITERATIONS
+                parameters,
+                residual,
+                optimizer="scipy_parallel_fd",
+                verbose=False,
+                x_scale="jac",
+                max_iters=_EVALUATIONS,
+                ftol=_SMALL,
+                diff_step=_DIFFERENCE,
             )
         seconds = time.perf_counter() - began
     except (ValueError, ArithmeticError, RuntimeError, mujoco.FatalError) as error:
@@ -96,7 +130,18 @@ def fit_chain(arm: Arm, dt: float, motions: Sequence[tuple[Array, Array, Array]]
         raise DtwinError(f"mujoco.sysid ended with an error: {said or type(error).__name__}") from error
     finally:
         logging.getLogger().setLevel(level)
-    return _read(arm, sysid.apply_param_modifiers(found, spec), seconds)
+    offset = np.array([found[f"{joint.name} offset"].value[0] for joint in arm.joints])
+    sizes = _size(residual, parameters, len(arm)), _size(residual, found, len(arm))
+    return ChainPeerFit(arm, sysid.apply_param_modifiers(found, spec), offset, seconds, sizes)
+
+
+def _size(residual: Any, parameters: Any, joints: int) -> float:
+    """Root mean square of the residual in parts of the torque's, over joints and stretches.
+
+    A column is divided by the norm of what was measured over the root of two (its `normalize_residual`).
+    """
+    parts = residual(parameters.as_vector(), parameters)[0]
+    return float(np.sqrt(sum(np.sum(each**2) for each in parts) / (2.0 * joints * len(parts))))
 
 
 def _spec(arm: Arm, dt: float) -> Any:
@@ -104,39 +149,105 @@ def _spec(arm: Arm, dt: float) -> Any:
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.delete(spec.body("load"))
     for joint in arm.joints:
-        actuator = spec.add_actuator(name=f"{joint.name} drive", target=joint.name)
-        actuator.trntype = mujoco.mjtTrn.mjTRN_JOINT
-        actuator.set_to_motor()
-    for kind in (mujoco.mjtSensor.mjSENS_JOINTPOS, mujoco.mjtSensor.mjSENS_JOINTVEL):
-        for joint in arm.joints:
-            spec.add_sensor(
-                name=f"{joint.name} {kind.name}", type=kind, objtype=mujoco.mjtObj.mjOBJ_JOINT, objname=joint.name
-            )
+        spec.add_sensor(
+            name=_sensor(joint.name),
+            type=mujoco.mjtSensor.mjSENS_JOINTACTFRC,
+            objtype=mujoco.mjtObj.mjOBJ_JOINT,
+            objname=joint.name,
+        )
     return spec
 
 
+def _sensor(joint: str) -> str:
+    return f"{joint} torque"
+
+
+def _sequence(sysid: Any, arm: Arm, spec: Any, model: Any, number: int, motion: Posed) -> Any:
+    """A stretch as the toolbox wants it; its control is the number by which the rollout finds the motion."""
+    times = np.arange(len(motion.torque), dtype=np.float64)
+    return sysid.ModelSequences(
+        arm.name,
+        spec,
+        f"stretch {number}",
+        sysid.create_initial_state(model, motion.q[0], motion.v[0]),
+        sysid.TimeSeries(times, np.full((len(times), 0), 0.0)),
+        sysid.TimeSeries.from_names(times, motion.torque, model),
+    )
+
+
+class _Inverse:
+    """The rollout: torque of each model at the states of the motion, through the filter."""
+
+    def __init__(self, motions: Sequence[Posed]) -> None:
+        self._of = {(*motion.q[0], *motion.v[0]): motion for motion in motions}
+
+    def __call__(self, **given: Any) -> list[Any]:
+        from mujoco import sysid
+
+        found = []
+        n = given["models"][0].nv
+        for model, state, control in zip(
+            given["models"], given["initial_states"], given["control_signal"], strict=True
+        ):
+            motion = self._of[tuple(state[1 : 2 * n + 1].tolist())]
+            torque = motion.through(_inverse(model, given["datas"][0], motion.q, motion.v, motion.a))
+            times = np.arange(len(torque), dtype=np.float64)
+            sensed = sysid.TimeSeries(times, torque, given["rollout_signal_mapping"])
+            states = sysid.TimeSeries(times, np.column_stack([times, np.zeros((len(times), len(state) - 1))]))
+            found.append(sysid.SystemTrajectory(model, control, sensed, state, states))
+        return found
+
+
+def _inverse(model: Any, data: Any, q: Array, v: Array, a: Array) -> Array:
+    """Torque of the drives by MuJoCo's inverse dynamics, (N, n)."""
+    found = np.empty_like(q)
+    for row in range(len(q)):
+        data.qpos[:], data.qvel[:], data.qacc[:] = q[row], v[row], a[row]
+        mujoco.mj_inverse(model, data)
+        found[row] = data.qfrc_inverse
+    return found
+
+
 def _parameters(arm: Arm, spec: Any, model: Any, largest: Array) -> Any:
-    """Bodies, and friction and rotors of every joint from a guess in the middle of what they may be."""
+    """Bodies, and friction, rotor and offset of every joint from a guess in the middle of what they may be."""
     from mujoco import sysid
 
     found = sysid.ParameterDict()
     for link in arm.links:
-        kind = sysid.InertiaType.Pseudo
-        found.add(sysid.body_inertia_param(spec, model, link.name, kind, modifier=_body_setter(link.name)))
-    for joint, most in zip(arm.joints, largest.tolist(), strict=True):
-        for name, value, top in (("damping", 0.05, 1.0), ("frictionloss", 0.05, 0.5), ("armature", 0.002, 0.5)):
-            found.add(
-                sysid.Parameter(
-                    f"{joint.name} {name}", value * most, 1e-4, top * most, modifier=_setter(joint.name, name)
-                )
+        found.add(
+            sysid.body_inertia_param(
+                spec,
+                model,
+                link.name,
+                sysid.InertiaType.Pseudo,
+                mass_bound_mult=_MASS,
+                ipos_bound_off=_CENTRE,
+                stretch_bound_mult=_STRETCH,
+                shear_bound_off=_SHEAR,
+                modifier=_body_setter(link.name),
             )
+        )
+    for joint, most in zip(arm.joints, largest.tolist(), strict=True):
+        for name, value, low, high in (
+            ("damping", 0.05, 0.0, 2.0),
+            ("damping by speed", 0.0, -1.0, 1.0),
+            ("frictionloss", 0.05, 1e-4, 1.0),
+            ("armature", 0.002, 0.0, 0.5),
+        ):
+            bounds = low * most, high * most
+            setter = _setter(joint.name, name)
+            found.add(sysid.Parameter(f"{joint.name} {name}", value * most, *bounds, modifier=setter))
+        found.add(sysid.Parameter(f"{joint.name} offset", 0.0, -most, most, modifier=lambda spec, parameter: None))
     return found
 
 
 def _setter(joint: str, name: str) -> Any:
     def set_value(spec: Any, parameter: Any) -> None:
-        value = float(parameter.value[0])
-        setattr(spec.joint(joint), name, np.array([value, 0.0, 0.0]) if name == "damping" else value)
+        value, made = float(parameter.value[0]), spec.joint(joint)
+        if name.startswith("damping"):
+            made.damping[1 if name.endswith("speed") else 0] = value
+        else:
+            setattr(made, name, value)
 
     return set_value
 
@@ -157,7 +268,7 @@ def _body_setter(name: str) -> Any:
     return set_body
 
 
-def _read(arm: Arm, model: Any, seconds: float) -> ChainPeerFit:
+def _bodies(arm: Arm, model: Any) -> Array:
     bodies = []
     for link in arm.links:
         body = model.body(link.name)
@@ -167,7 +278,4 @@ def _read(arm: Arm, model: Any, seconds: float) -> ChainPeerFit:
         mass, centre = float(body.mass[0]), np.array(body.ipos)
         inertia = axes @ np.diag(body.inertia) @ axes.T + mass * steiner(centre)
         bodies.append(np.array([mass, *(mass * centre), *inertia[np.tril_indices(3)]]))
-    loss = np.array(model.dof_frictionloss)
-    return ChainPeerFit(
-        np.concatenate(bodies), np.array(model.dof_damping).ravel(), loss, np.array(model.dof_armature), seconds
-    )
+    return np.concatenate(bodies)

@@ -192,13 +192,22 @@ def rigid_of(arm: Arm, stretch: Smooth, scales: Sequence[Scale], filtering: Filt
         filtering: the filter.
     """
     full = regressor(arm, stretch.q, stretch.v, stretch.a)
-    every = max(1, int(1.0 / (5.0 * filtering.cutoff * stretch.dt)))
-    kept = _moving(stretch, scales, filtering)[::every]
+    every = _every(stretch, filtering)
+    kept = kept_of(stretch, scales, filtering)
     filtered = np.zeros((len(kept), *full.shape[1:]))
     for joint in range(len(arm)):  # the links before a joint ask nothing of it
         beyond = slice(10 * joint, None)
         filtered[:, joint, beyond] = low_passed(full[:, joint, beyond], stretch.dt, filtering.cutoff)[kept]
     return Rigid(full, kept, every, filtered)
+
+
+def kept_of(stretch: Smooth, scales: Sequence[Scale], filtering: Filtering) -> np.ndarray:
+    """Numbers of the rows of a stretch that are left after the filter, (K,): moving, whole, and not too many."""
+    return _moving(stretch, scales, filtering)[:: _every(stretch, filtering)]
+
+
+def _every(stretch: Smooth, filtering: Filtering) -> int:
+    return max(1, int(1.0 / (5.0 * filtering.cutoff * stretch.dt)))
 
 
 def rows_of(
