@@ -13,7 +13,7 @@ from scipy import signal
 
 from dtwin.arm.chain import Arm
 from dtwin.errors import RecordingError
-from dtwin.measurements import repairs
+from dtwin.measurements import jumps, repairs
 from dtwin.measurements.columns import ANGLES, EFFORTS, TIME, ColumnMap, Role
 from dtwin.measurements.doors import Table
 from dtwin.measurements.measurement import Array, Effort, Measurement
@@ -53,8 +53,10 @@ def measurement_of(table: Table, columns: ColumnMap, arm: Arm | None = None) -> 
     repairs.missing(rows)
     repairs.spikes(rows)
     repairs.turns(rows, arm)
+    jumps.wraps(rows)
     repairs.limits(rows, arm)
     repairs.frozen(rows)
+    jumps.jumps(rows)
     repairs.clipped(rows)
     repairs.held(rows)
     if len(rows.row) < max(20, (1.0 - _LOST) * rows.count):
@@ -106,11 +108,18 @@ def _impossible(rows: Rows) -> None:
         with np.errstate(invalid="ignore"):
             bad |= (np.abs(rows.arrays[name]) > _IMPOSSIBLE).any(axis=1)
     if bad.mean() > _LOST:
-        name, joint, row = next(
-            (n, int(j), int(r))
-            for n in rows.map.roles()
-            for r, j in np.argwhere(~(np.abs(rows.arrays[n]) < _IMPOSSIBLE))[:1]
+        worst = next(
+            (
+                (n, int(j), int(r))
+                for n in rows.map.roles()
+                for r, j in np.argwhere(np.abs(rows.arrays[n]) > _IMPOSSIBLE)[:1]
+            ),
+            None,
         )
+        if worst is None:
+            where = f"column {rows.map.time or rows.map.episode}, row {rows.row[np.argmax(bad)]}"
+            raise RecordingError(f"{rows.source}: {where}: expected stamps below 1e15 s: is the unit right?")
+        name, joint, row = worst
         raise rows.refuse(name, joint, row, f"expected numbers below {_IMPOSSIBLE:g} in SI units: is the unit right?")
     if bad.any():
         rows.told("rows with impossible numbers are left out", True, bad)
@@ -160,10 +169,10 @@ def _time(rows: Rows) -> None:
     steps = np.diff(rows.arrays["t"])
     usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
     if not 1e-5 <= usual <= 2.0:
-        unit = "ms" if 2.0 < usual <= 2e3 else "us" if 2e3 < usual <= 2e6 else "ns" if usual > 2e6 else "s"
+        unit = "ms" if 2.0 < usual <= 2e3 else "us" if 2e3 < usual <= 2e6 else "ns" if usual > 2e6 else ""
+        asked = f"is time_unit = {unit!r} meant?" if unit else "expected at least 1e-5 s: are these days?"
         raise RecordingError(
-            f"{rows.source}: column {rows.map.time}, row {rows.row[0]}: a row every {usual:g} s: is time_unit = "
-            f"{unit!r} meant?"
+            f"{rows.source}: column {rows.map.time}, row {rows.row[0]}: a row every {usual:g} s: {asked}"
         )
     jitter = np.abs(steps / usual - 1.0) > 0.2
     if jitter.mean() > 0.05:
@@ -180,6 +189,7 @@ def _finished(rows: Rows, arm: Arm | None) -> Measurement:
     new = np.diff(episode) != 0
     usual = float(np.median(steps[~new])) if (~new).any() else 0.0
     gap = (steps > repairs.GAP * usual) & ~new
+    apart = gap | (arrays[jumps.APART][1:] > 0.0)
     if gap.any():
         rows.told(f"gaps of up to {steps[gap].max():.3g} s: each side counts by itself", True, np.append(gap, False))
     names = _short(rows.map.position.columns) if arm is None else tuple(joint.name for joint in arm.joints)
@@ -196,7 +206,7 @@ def _finished(rows: Rows, arm: Arm | None) -> Measurement:
         kind,
         arrays.get("command"),
         arrays.get("temperature"),
-        (0, *(np.flatnonzero(new | gap) + 1).tolist()),
+        (0, *(np.flatnonzero(new | apart) + 1).tolist()),
         episode,
         tuple(rows.odd),
         arrays.get("motor"),

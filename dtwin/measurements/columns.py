@@ -22,15 +22,16 @@ unit = "A"                   # N m, mN m, N, A, mA, V
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import msgspec
 import numpy as np
 
+from dtwin.arm.chain import Arm
 from dtwin.errors import RecordingError, choices
 from dtwin.files import reason_of
-from dtwin.measurements import naming
 from dtwin.measurements.doors import Table
 from dtwin.measurements.measurement import Effort, Oddity
 
@@ -171,193 +172,33 @@ def checked_map(columns: ColumnMap, table: Table, joints: int | None = None) -> 
     return columns
 
 
-_NAMES: Final = {
-    "motor": r"((motor|rotor)_?(pos|angle)|(pos|angle|theta)_?(motor|rotor)|^q_?m(otor)?_?\d|^theta_?m_?\d)",
-    "command": r"(^action\b|cmd|command|target|desired|goal|setpoint|_des\b|des_|_ref\b)",
-    "velocity": r"(^qd\b|^q?d_?q|^qd\d|^dq|^v\d|vel|qdot|omega|speed)",
-    "effort": r"(tau|torq|effort|curr(?!ent_?(joint_?)?(pos|ang|state|q))|^i_?\d|amp|volt|load)",
-    "temperature": r"(temp)",
-    "position": r"(^q\b|^q_?\d|^q\.|pos|angle|theta|joint|observation\.state|state|measured)",
-}
-_TIME_NAMES: Final = (
-    r"^(t|time|timestamp|stamp|sec|seconds|time_?s|timestamp_s|elapsed|t_?(ms|us|ns)|time_?(ms|us|ns))$"
-)
-_MEASURED: Final = r"(meas|actual|present)"
-"""Words that tell what was measured from what was computed."""
-_NO_ANGLE: Final = rf"({_NAMES['velocity'][1:-1]}|^qd|{_NAMES['effort'][1:-1]})"
-"""Names of commands that are no positions."""
-_EPISODES: Final = r"^(episode|episode_index|episode_id|run|trial)$"
-_APART: Final = 10
-"""Rows over which a slope is taken, so that steps of the encoder and jitter of the stamps do not hide it."""
-_CELL: Final = ("measured_1", "measured_2", "measured_3", "volts_1", "volts_2", "volts_3", "t")
-"""Columns of a log of the cell: what was measured, not what was true."""
-_TARGETS: Final = ("target_1", "target_2", "target_3")
-_LEFT_OUT: Final = (
-    r"(frame|index|ee_|est|err|mask|valid|raw|feedback|feedforward|friction|rigid|qdd|accel|quat|payload)"
-)
+def in_order(columns: ColumnMap, arm: Arm) -> tuple[ColumnMap, tuple[Oddity, ...]]:
+    """The map with its columns in the order of the arm's joints, where their names have those of the joints.
 
-
-def guess_map(table: Table, joints: int | None = None) -> ColumnMap:
-    """What the columns seem to mean, by their names, or by their numbers where the file has no header.
-
-    Units of effort are never guessed by the size of numbers: only a name that says them counts.
-
-    Raises:
-        RecordingError: no columns look like positions.
+    Recordings name joints in any order, ROS often in that of the alphabet. Quantities whose columns do not name each
+    joint once are left as they are.
     """
-    return guess(table, joints)[0]
+    names = [joint.name for joint in arm.joints]
+    roles: dict[str, Role] = {}
+    for what, role in columns.roles().items():
+        found = places_of(names, role.columns)
+        if found is not None and len(role.columns) == len(names) and found != sorted(found):
+            lists = {key: getattr(role, key) for key in ("columns", "sign", "offset", "gear")}
+            turned = {key: tuple(values[k] for k in found) if values else () for key, values in lists.items()}
+            roles[what] = msgspec.structs.replace(role, **turned)
+    if not roles:
+        return columns, ()
+    what = f"joints come in another order than the arm's ({', '.join(roles)}): they are taken by their names"
+    return msgspec.structs.replace(columns, **roles), (Oddity(what, True),)
 
 
-def guess(table: Table, joints: int | None = None) -> tuple[ColumnMap, tuple[Oddity, ...]]:
-    """What the columns seem to mean, and what of it is not clear.
-
-    Raises:
-        RecordingError: no columns look like positions.
-    """
-    if not table.named:
-        return _by_numbers(table, joints), ()
-    if naming.is_ours(table.columns):
-        return _by_our_names(table), ()
-    if set(_CELL) <= set(table.columns):
-        cell = ColumnMap(Role(_CELL[:3], "rad"), "t", effort=Role(_CELL[3:6], "V"), command=_targets(table))
-        return cell, ()
-    names = list(table.columns)
-    time = next((n for n in names if re.search(_TIME_NAMES, n, re.IGNORECASE)), "")
-    episode = next((n for n in names if re.search(_EPISODES, n, re.IGNORECASE)), "")
-    groups: dict[str, dict[str, list[str]]] = {}
-    for name in names:
-        if name in (time, episode) or re.search(_LEFT_OUT, name, re.IGNORECASE):
-            continue
-        role = next((r for r, pattern in _NAMES.items() if re.search(pattern, name, re.IGNORECASE)), None)
-        if role:
-            groups.setdefault(role, {}).setdefault(_stem(name), []).append(name)
-    if "position" not in groups and "motor" in groups:  # the only encoders that there are
-        groups["position"] = groups.pop("motor")
-    if not groups.get("position"):
-        raise RecordingError(
-            f"{table.source}: no columns look like positions: give --columns MAP; the file has {', '.join(names)}"
-        )
-    count = len(_fitting(groups["position"], joints))
-    roles: dict[str, Any] = {}
-    unclear: list[Oddity] = []
-    for role, stems in groups.items():
-        found, why = _chosen(role, {stem: found for stem, found in stems.items() if len(found) == count})
-        unclear += why
-        if found:
-            roles[role] = Role(tuple(found), _unit(role, found, table))
-    unit = next((u for u in ("ms", "us", "ns") if re.search(rf"_?{u}$", time, re.IGNORECASE)), "s")
-    return ColumnMap(time=time, time_unit=unit, episode=episode, **roles), tuple(unclear)
-
-
-def _chosen(role: str, stems: dict[str, list[str]]) -> tuple[list[str], list[Oddity]]:
-    """The columns of a quantity among groups that have one for each joint, and what is not clear.
-
-    Which of several sensors of temperature tells that of the friction or of the magnets, no name says; so none is
-    taken.
-    """
-    if role == "command":
-        stems = {stem: found for stem, found in stems.items() if not re.search(_NO_ANGLE, stem, re.IGNORECASE)}
-    measured = {stem: found for stem, found in stems.items() if re.search(_MEASURED, stem, re.IGNORECASE)}
-    left = measured if len(measured) == 1 else stems
-    if len(left) < 2 or role in ("position", "command"):
-        return next(iter(left.values()), []), []
-    names, first = ", ".join(left), next(iter(left))
-    if role == "temperature":
-        what = f"temperatures of several kinds ({names}): none is taken, as a map of columns has to say which counts"
-        return [], [Oddity(what, False, left[first][0])]
-    what = f"{role} of several kinds ({names}): {first} is taken, a map of columns can name another one"
-    return left[first], [Oddity(what, False, left[first][0])]
-
-
-def _targets(table: Table) -> Role | None:
-    """Desired positions of a log of the cell, where it has them."""
-    return Role(_TARGETS, "rad") if set(_TARGETS) <= set(table.columns) else None
-
-
-def _by_our_names(table: Table) -> ColumnMap:
-    """What the columns of a file that we wrote are: they say it. Quantities that not every joint has are left out."""
-    found: dict[str, dict[str, str]] = {}
-    units: dict[str, str] = {}
-    for name in table.columns:
-        if (said := naming.parsed_name(name)) is not None:
-            role = "effort" if said.quantity in naming.KINDS else said.quantity
-            found.setdefault(role, {})[said.joint] = name
-            units[role] = "" if said.unit == "?" else said.unit
-    joints = found.get("position", {})
-    if not joints:
-        raise RecordingError(f"{table.source}: no columns of positions: the file has {', '.join(table.columns)}")
-    roles: dict[str, Any] = {
-        role: Role(tuple(columns[joint] for joint in joints), units[role])
-        for role, columns in found.items()
-        if set(columns) == set(joints)
-    }
-    return ColumnMap(time=naming.TIME, episode=naming.EPISODE if naming.EPISODE in table.columns else "", **roles)
-
-
-def _stem(name: str) -> str:
-    """What the columns of one quantity have in common: q of q1 and q.0, position of position.elbow."""
-    for known in ("action", "observation.state"):
-        if name.startswith(f"{known}."):
-            return known
-    return name.rpartition(".")[0] or re.sub(r"\d+$", "", name).rstrip("_")
-
-
-def _fitting(stems: dict[str, list[str]], joints: int | None) -> list[str]:
-    """The columns of the first stem that has one for each joint, or of the largest."""
-    return next((found for found in stems.values() if len(found) == joints), max(stems.values(), key=len))
-
-
-def _unit(role: str, names: list[str], table: Table) -> str:
-    said = " ".join(names).lower()
-    if role == "effort":
-        if re.search(r"tau|torq|_nm\b", said):
-            return "N m"
-        return "A" if re.search(r"curr|amp|^i", said) else "V" if "volt" in said else ""
-    if role == "temperature":
-        return "C"
-    if "deg" in said:
-        return "deg"
-    if said.count(".pos"):  # LeRobot: degrees or percent of the calibrated range, which the file does not say
-        return "deg"
-    largest = max(float(np.nanpercentile(np.abs(table.columns[name]), 99.0)) for name in names)
-    return "deg" if largest > 2.0 * _TURN and role in ("position", "command") else "rad"
-
-
-def _by_numbers(table: Table, joints: int | None) -> ColumnMap:
-    """Columns without names: a rising one is time, then blocks of one column for each joint."""
-    names = list(table.columns)
-    first = table.columns[names[0]]
-    rising = np.mean(np.diff(first) > 0.0) > 0.95
-    left = names[1:] if rising else names
-    count = joints or next((n for n in (6, 7) if len(left) % n == 0), len(left))
-    if len(left) < count:
-        raise RecordingError(f"{table.source}: expected at least {count} columns beside the time, got {len(left)}")
-    blocks = [tuple(left[k : k + count]) for k in range(0, len(left) - count + 1, count)]
-    velocity = None
-    if len(blocks) > 1 and rising and _is_slope(table, names[0], blocks[0], blocks[1]):
-        velocity = Role(blocks[1], "rad")
-    # Only where a velocity is known for one is the next block an effort, and not another velocity.
-    rest = blocks[2:] if velocity else []
-    return ColumnMap(
-        Role(blocks[0], "rad"),
-        time=names[0] if rising else "",
-        velocity=velocity,
-        effort=Role(rest[0]) if rest else None,
-    )
-
-
-def _is_slope(table: Table, time: str, positions: tuple[str, ...], speeds: tuple[str, ...]) -> bool:
-    """Whether one block is the derivative of the other, wherever the joints move."""
-    t = table.columns[time]
-    slopes, rates = [], []
-    for position, speed in zip(positions, speeds, strict=True):
-        ends, rate = table.columns[position], table.columns[speed]
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            slope = (ends[_APART:] - ends[:-_APART]) / (t[_APART:] - t[:-_APART])
-            mean = np.convolve(rate, np.ones(_APART) / _APART, "valid")[: len(slope)]
-            ok = (np.abs(slope) < 1e3) & (np.abs(mean) < 1e3)
-        slopes.append(slope[ok])
-        rates.append(mean[ok])
-    one, other = np.concatenate(slopes), np.concatenate(rates)
-    fast = np.abs(other) > max(float(np.median(np.abs(other))), 1e-3)
-    return bool(fast.any()) and float(np.mean(np.abs(one - other)[fast] < 0.2 * np.abs(other)[fast])) > 0.7
+def places_of(joints: Sequence[str], columns: Sequence[str]) -> list[int] | None:
+    """Where the column of each joint is, if each joint's name is in one of them alone, and no two share one."""
+    found = []
+    for joint in joints:
+        pattern = re.compile(rf"(?<![A-Za-z0-9]){re.escape(joint)}(?![A-Za-z0-9])", re.IGNORECASE)
+        places = [place for place, column in enumerate(columns) if pattern.search(column)]
+        if len(places) != 1:
+            return None
+        found += places
+    return found if len(set(found)) == len(found) else None

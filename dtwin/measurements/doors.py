@@ -5,12 +5,10 @@ A door reads and says what was damaged. What the columns mean is not its busines
 
 from __future__ import annotations
 
-import csv
-import io
 import re
 import zipfile
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -23,13 +21,13 @@ from scipy.io.matlab import MatReadError
 
 from dtwin.errors import RecordingError, choices
 from dtwin.files import reason_of
+from dtwin.measurements.formats.text import Cells, cells, number, seconds_of, stamp
 from dtwin.measurements.measurement import Array, Oddity
 
 _LARGEST: Final = 2_000_000_000
 """Largest file that is read, bytes."""
 _DAMAGED: Final = 0.02
 """Largest share of rows that may be damaged; a file with more is read with the wrong delimiter, or is no table."""
-_DELIMITERS: Final = (",", ";", "\t")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,6 +40,7 @@ class Table:
         rows: number of each row in the file, counted from 0 without a header, (N,).
         oddities: what was left out.
         named: whether the file names its columns.
+        units: units that the file tells apart from the names, by column.
     """
 
     source: str
@@ -49,6 +48,7 @@ class Table:
     rows: np.ndarray
     oddities: tuple[Oddity, ...] = ()
     named: bool = True
+    units: Mapping[str, str] = field(default_factory=dict)
 
 
 def read_table(path: Path) -> Table:
@@ -60,7 +60,7 @@ def read_table(path: Path) -> Table:
     """
     if path.is_dir():
         if (path / "meta" / "info.json").is_file():
-            return _lerobot(path)
+            return joined(_lerobot(path))
         raise RecordingError(f"{path}: expected a file, or the folder of a LeRobot data set with meta/info.json")
     if not path.exists():
         raise RecordingError(f"{path}: there is no such file or folder")
@@ -70,65 +70,60 @@ def read_table(path: Path) -> Table:
     try:
         if path.stat().st_size > _LARGEST:
             raise RecordingError(f"{path}: expected at most {_LARGEST} bytes, got {path.stat().st_size}")
-        return door(path)
+        return joined(door(path))
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read: {reason_of(error) if error.errno else 'damaged'}") from None
 
 
 def _csv(path: Path) -> Table:
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError:
-        raise RecordingError(f"{path}: expected text in UTF-8") from None
-    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
-    if not lines:
-        raise RecordingError(f"{path}: expected rows of numbers, this is empty")
-    bare = re.sub(r'"[^"]*"', "", lines[0])  # what a quoted name holds divides nothing
-    delimiter = max(_DELIMITERS, key=bare.count)
-    if bare.count(delimiter):
-        fields = [
-            [field.strip() for field in row] for row in csv.reader(io.StringIO("\n".join(lines)), delimiter=delimiter)
-        ]
-    else:
-        fields = [line.split() for line in lines]
-    if delimiter == ";":
-        fields = [[field.replace(",", ".") for field in row] for row in fields]
-    named = any(field and _number(field) is None for field in fields[0])
-    names = fields.pop(0) if named else [f"c{k}" for k in range(len(fields[0]))]
-    if len(set(names)) != len(names):
-        twice = next(name for name in names if names.count(name) > 1)
-        raise RecordingError(f"{path}: column {twice!r}: expected it once, got it {names.count(twice)} times")
-    return _rows(path, names, fields, named)
+    text = cells(path)
+    table = _rows(path, text)
+    if text.above:
+        told = Oddity(f"lines above the header are left out: {text.above}", True)
+        table = replace(table, oddities=(told, *table.oddities))
+    return table
 
 
-def _number(field: str) -> float | None:
-    try:
-        return float(field)
-    except ValueError:
-        return None
-
-
-def _rows(path: Path, names: list[str], fields: list[list[str]], named: bool) -> Table:
+def _rows(path: Path, text: Cells) -> Table:
     """The rows that are whole; the others are told, as long as they are few."""
+    names = text.names
+    stamps = _stamps(text)
     kept, numbers, odd = [], [], []
-    for number, row in enumerate(fields):
-        values = [float("nan") if not field else _number(field) for field in row]
+    for place, row in enumerate(text.fields):
+        at = text.first + place
         if len(row) != len(names):
-            odd.append((number, f"expected {len(names)} fields, got {len(row)}"))
-        elif None in values:
+            odd.append((at, f"expected {len(names)} fields, got {len(row)}"))
+            continue
+        values = [stamps[k][place] if k in stamps else number(word) for k, word in enumerate(row)]
+        if None in values:
             column = values.index(None)
-            odd.append((number, f"column {names[column]}: expected a number, got {row[column][:20]!r}"))
+            odd.append((at, f"column {names[column]}: expected a number, got {row[column][:20]!r}"))
         else:
-            kept.append(number)
+            kept.append(at)
             numbers.append(values)
-    if odd and len(odd) > max(1, _DAMAGED * len(fields)):
+    if odd and len(odd) > max(1, _DAMAGED * len(text.fields)):
         first, why = odd[0]
-        raise RecordingError(f"{path}: row {first}: {why}; {len(odd)} of {len(fields)} rows are so")
+        raise RecordingError(f"{path}: row {first}: {why}; {len(odd)} of {len(text.fields)} rows are so")
     if not numbers:
         raise RecordingError(f"{path}: expected rows of numbers, got a header alone")
     table = np.array(numbers, dtype=np.float64)
     told = tuple(Oddity(f"row {first} is damaged and left out: {why}", True, "", first, 1) for first, why in odd)
-    return Table(str(path), dict(zip(names, table.T, strict=True)), np.array(kept), told, named)
+    return Table(
+        str(path), dict(zip(names, table.T, strict=True)), np.array(kept), told, text.named, units=text.units
+    )
+
+
+def _stamps(text: Cells) -> dict[int, list[float | None]]:
+    """Columns of stamps in words by their place: seconds, None where a row has none."""
+    found: dict[int, list[float | None]] = {}
+    whole = next((row for row in text.fields if len(row) == len(text.names)), [])
+    for column in [k for k, word in enumerate(whole) if number(word) is None and stamp(word) is not None]:
+        places = [k for k, row in enumerate(text.fields) if len(row) == len(text.names)]
+        seconds = seconds_of([text.fields[k][column] for k in places])
+        found[column] = [None] * len(text.fields)
+        for place, value in zip(places, [] if seconds is None else seconds.tolist(), strict=True):
+            found[column][place] = value if np.isfinite(value) else None
+    return found
 
 
 def _parquet(path: Path) -> Table:
@@ -140,30 +135,51 @@ def _parquet(path: Path) -> Table:
 
 
 def _arrow(source: str, table: pa.Table, names: Mapping[str, list[str]]) -> Table:
-    """Columns of numbers and of lists of equal length; others, such as texts, are left out."""
+    """Columns of numbers, of stamps, of lists of equal length and of structures; others are left out and told."""
+    while any(pa.types.is_struct(column.type) for column in table.columns):
+        table = table.flatten()
+    if not len(table):
+        raise RecordingError(f"{source}: expected rows, got none")
     columns: dict[str, Array] = {}
+    left: list[str] = []
     for name in table.column_names:
         column = table.column(name).combine_chunks()
         kind = column.type
         if pa.types.is_fixed_size_list(kind) or pa.types.is_list(kind) or pa.types.is_large_list(kind):
-            columns |= _stacked(source, name, column.to_pylist(), names.get(name))
-        elif pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_boolean(kind):
-            numbers = column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False)
-            columns[name] = np.asarray(numbers, dtype=np.float64)
-        elif pa.types.is_timestamp(kind):
-            stamps = column.cast(pa.timestamp("ns")).cast(pa.int64()).to_numpy(zero_copy_only=False)
-            columns[name] = 1e-9 * (stamps - np.nanmin(stamps))
+            found = _stacked(source, name, column.to_pylist(), names.get(name))
+        else:
+            found = _single(name, column)
+        columns |= found
+        left += [] if found or not len(column) else [name]
     if not columns:
-        raise RecordingError(f"{source}: expected columns of numbers, got none")
-    return Table(source, columns, np.arange(len(table)))
+        raise RecordingError(f"{source}: expected columns of numbers, got {', '.join(left) or 'none'}")
+    told = (Oddity(f"columns without numbers are left out: {', '.join(left)}", True),) if left else ()
+    return Table(source, columns, np.arange(len(table)), told)
+
+
+def _single(name: str, column: pa.Array) -> dict[str, Array]:
+    """A column of one value a row: numbers, decimals, times, and times in words; nothing of others."""
+    kind = column.type
+    numeric = (pa.types.is_floating, pa.types.is_integer, pa.types.is_boolean, pa.types.is_decimal)
+    if any(of(kind) for of in numeric):
+        numbers = column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False)
+        return {name: np.asarray(numbers, dtype=np.float64)}
+    if pa.types.is_timestamp(kind) or pa.types.is_duration(kind):
+        fine = pa.duration("ns") if pa.types.is_duration(kind) else pa.timestamp("ns", tz=kind.tz)
+        stamps = column.cast(fine).cast(pa.int64()).to_numpy(zero_copy_only=False)
+        return {name: 1e-9 * (stamps - np.nanmin(stamps))}
+    if pa.types.is_string(kind) or pa.types.is_large_string(kind):
+        seconds = seconds_of([word or "" for word in column.to_pylist()])
+        return {} if seconds is None else {name: seconds}
+    return {}
 
 
 def _stacked(source: str, name: str, rows: list[Any], names: list[str] | None) -> dict[str, Array]:
     """A column of lists, one column for each place of the list."""
     width = len(rows[0]) if rows and rows[0] is not None else 0
-    for number, row in enumerate(rows):
+    for place, row in enumerate(rows):
         if row is not None and len(row) != width:
-            raise RecordingError(f"{source}: column {name}, row {number}: expected {width} numbers, got {len(row)}")
+            raise RecordingError(f"{source}: column {name}, row {place}: expected {width} numbers, got {len(row)}")
     if any(not isinstance(value, int | float | None) for row in rows[:1] for value in row or ()):
         return {}
     values = np.array([[np.nan] * width if row is None else row for row in rows], dtype=np.float64)
@@ -190,19 +206,56 @@ def _mat(path: Path) -> Table:
 
 def _arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> Table:
     """Vectors and matrices that have as many rows as most; matrices that lie on their side are turned."""
-    numbers = {k: np.squeeze(v) for k, v in arrays.items() if isinstance(v, np.ndarray) and v.dtype.kind in "fiub"}
+    plain = dict(part for name, value in arrays.items() for part in _parts(name, value))
+    if len(plain) > len(arrays) == 1:  # all are fields of one structure
+        plain = {name.partition(".")[2]: value for name, value in plain.items()}
+    numbers = {k: np.squeeze(v) for k, v in plain.items() if v.dtype.kind in "fiub"}
     lengths = [max(v.shape) for v in numbers.values() if 1 <= v.ndim <= 2 and v.size > 1]
     if not lengths:
-        raise RecordingError(f"{path}: expected arrays of numbers, got {choices(arrays) if arrays else 'none'}")
+        raise RecordingError(f"{path}: expected arrays of numbers, got {choices(plain) if plain else 'none'}")
     rows = max(set(lengths), key=lengths.count)
     columns: dict[str, Array] = {}
+    left = []
     for name, value in numbers.items():
         if value.ndim == 1 and len(value) == rows:
             columns[name] = value.astype(np.float64)
         elif value.ndim == 2 and rows in value.shape:
             upright = value if value.shape[0] == rows else value.T
             columns |= {f"{name}.{k}": column.astype(np.float64) for k, column in enumerate(upright.T)}
-    return Table(str(path), columns, np.arange(rows))
+        elif value.size > 1:
+            left.append(f"{name} {value.shape}")
+    told = (Oddity(f"arrays without {rows} rows are left out: {', '.join(left)}", False),) if left else ()
+    return Table(str(path), columns, np.arange(rows), told)
+
+
+def _parts(name: str, value: Any) -> list[tuple[str, np.ndarray]]:
+    """An array as arrays of one kind each: fields of records and structures by their names, times as seconds."""
+    if not isinstance(value, np.ndarray):
+        return []
+    if value.dtype.names:
+        inner = value[()] if value.size > 1 else value.reshape(-1)[0]
+        return [part for field in value.dtype.names for part in _parts(f"{name}.{field}", np.asarray(inner[field]))]
+    if value.dtype.kind == "O" and value.size == 1:
+        return _parts(name, value.reshape(-1)[0])
+    if value.dtype.kind in "Mm" and value.size:
+        ticks = value.astype("datetime64[ns]" if value.dtype.kind == "M" else "timedelta64[ns]").astype(np.int64)
+        return [(name, 1e-9 * (ticks - ticks.min()))]
+    return [(name, value)]
+
+
+def joined(table: Table) -> Table:
+    """Stamps in two columns, seconds and nanoseconds, as one more, s since the first row; it comes first."""
+    for name, seconds in table.columns.items():
+        found = re.fullmatch(r"(.*?)([._/ ]?)secs?", name, re.IGNORECASE)
+        if not found:
+            continue
+        head, mark = found.groups()
+        rest = [n for n in table.columns if re.fullmatch(rf"{re.escape(head + mark)}n(ano)?secs?", n, re.IGNORECASE)]
+        stamp_name = head or "stamp"
+        if rest and stamp_name not in table.columns:
+            whole = seconds - np.nanmin(seconds) + 1e-9 * table.columns[rest[0]]
+            return replace(table, columns={stamp_name: whole, **table.columns})
+    return table
 
 
 def _lerobot(folder: Path) -> Table:
@@ -222,10 +275,16 @@ def _lerobot(folder: Path) -> Table:
         "action",
         *(n for n in features if n.startswith("observation.")),
     }
+    parts = []
+    for file in files:
+        try:
+            part = pq.ParquetFile(file).read()
+        except (pa.ArrowException, OSError) as error:
+            raise RecordingError(f"{file}: expected a Parquet file: {str(error).splitlines()[0][:80]}") from None
+        parts.append(part.select([n for n in part.column_names if n in wanted]))
     try:
-        parts = [pq.ParquetFile(file).read() for file in files]
-        table = pa.concat_tables([part.select([n for n in part.column_names if n in wanted]) for part in parts])
-    except (pa.ArrowException, OSError) as error:
+        table = pa.concat_tables([part for part in parts if len(part)] or parts)
+    except pa.ArrowException as error:
         raise RecordingError(
             f"{folder}: expected Parquet files of one form: {str(error).splitlines()[0][:80]}"
         ) from None

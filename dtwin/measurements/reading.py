@@ -7,13 +7,14 @@ from pathlib import Path
 
 from dtwin.arm.chain import Arm
 from dtwin.measurements.checks import measurement_of
-from dtwin.measurements.columns import ColumnMap, checked_map, guess
+from dtwin.measurements.columns import ColumnMap, checked_map, in_order
 from dtwin.measurements.doors import Table, read_table
-from dtwin.measurements.measurement import Measurement
+from dtwin.measurements.guessing import guess
+from dtwin.measurements.measurement import Measurement, Oddity
 
 
-def table_of(path: Path) -> Table:
-    """The table of a file or folder, whatever kind it is.
+def table_of(path: Path, arm: Arm | None = None) -> Table:
+    """The table of a file or folder, whatever kind it is; of several arms in a recording that of `arm`.
 
     Raises:
         RecordingError: it cannot be read.
@@ -21,18 +22,35 @@ def table_of(path: Path) -> Table:
     bag = path.suffix.lower() in (".mcap", ".db3") or (path / "metadata.yaml").is_file()
     if not bag or not path.exists():
         return read_table(path)
-    from dtwin.measurements.bags import read_bag  # an extra, which few logs need
+    from dtwin.measurements.formats.bags import read_bag  # an extra, which few logs need
 
-    return read_bag(path)
+    return read_bag(path, () if arm is None else names_of(arm))
 
 
-def guessed(table: Table, joints: int | None) -> tuple[Table, ColumnMap]:
-    """The table with what is not clear of its columns, and what they seem to mean.
+def names_of(arm: Arm) -> tuple[str, ...]:
+    """The names of the joints."""
+    return tuple(joint.name for joint in arm.joints)
+
+
+def understood(table: Table, columns: ColumnMap | None, arm: Arm | None) -> tuple[Table, ColumnMap]:
+    """What the columns mean, in the order of the arm's joints, and the table with what is not clear of it.
+
+    Args:
+        table: columns of a file.
+        columns: what they mean; None for a guess.
+        arm: the arm, if it is known.
 
     Raises:
-        RecordingError: no columns look like positions.
+        RecordingError: no columns look like positions, or the map names what the table has not.
     """
-    columns, unclear = guess(table, joints)
+    joints = None if arm is None else len(arm)
+    unclear: tuple[Oddity, ...] = ()
+    if columns is None:
+        columns, unclear = guess(table, joints, () if arm is None else names_of(arm))
+    columns = checked_map(columns, table, joints)
+    if arm is not None:
+        columns, turned = in_order(columns, arm)
+        unclear += turned
     return replace(table, oddities=(*table.oddities, *unclear)), columns
 
 
@@ -48,7 +66,5 @@ def read_measurement(path: Path, columns: ColumnMap | None = None, arm: Arm | No
         RecordingError: the file cannot be read, or something is wrong with it that cannot be put right; the message
             names column and row.
     """
-    table = table_of(path)
-    joints = None if arm is None else len(arm)
-    table, chosen = guessed(table, joints) if columns is None else (table, columns)
-    return measurement_of(table, checked_map(chosen, table, joints), arm)
+    table, chosen = understood(table_of(path, arm), columns, arm)
+    return measurement_of(table, chosen, arm)

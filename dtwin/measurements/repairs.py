@@ -15,6 +15,10 @@ GAP: Final = 5.0
 """Steps without a row after which a new stretch begins."""
 _BRIDGED: Final = 3
 """Missing values in a row that are drawn through."""
+_EVEN: Final = 0.95
+"""Share of even steps between values from which on a column has a rate of its own."""
+_SLOWEST: Final = 0.1
+"""Longest time between the values of such a column that are drawn through, s."""
 _SPIKE: Final = 30.0
 """Distance of a single value from its neighbours, in usual steps, that no arm makes."""
 _FROZEN: Final = 0.3
@@ -73,14 +77,26 @@ def missing(rows: Rows) -> None:
                 continue
             if bad.all():
                 raise rows.refuse(name, joint, 0, "expected numbers, got none in any row")
-            long = _runs(bad, _BRIDGED + 1)
-            gone |= long
             known = np.flatnonzero(~bad)
+            every = _recurring(known, rows.arrays["t"])
+            long = _runs(bad, max(_BRIDGED + 1, every))
+            gone |= long
+            gone[: known[0]] = gone[known[-1] + 1 :] = True  # nothing is known beyond the first and the last value
             values[bad] = np.interp(np.flatnonzero(bad), known, values[known])
             text = "missing values are drawn through" if not long.any() else "missing values are left out as a gap"
+            if every > 1:
+                text = f"values come every {every} rows and are drawn through"
             rows.told(text, True, bad, rows.name(name, joint))
     if gone.any():
         rows.keep(~gone)
+
+
+def _recurring(known: NDArray[np.intp], t: Array) -> int:
+    """Rows from one value to the next of a column of another rate than the rows'; 1 where there is no such rate."""
+    steps = np.diff(known)
+    every = int(np.median(steps)) if len(steps) else 1
+    even = float(np.mean(np.abs(steps - every) <= 1)) > _EVEN if len(steps) else False
+    return every if every > 1 and even and every * float(np.median(np.diff(t))) <= _SLOWEST else 1
 
 
 def _runs(flags: NDArray[np.bool_], least: int) -> NDArray[np.bool_]:

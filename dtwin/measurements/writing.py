@@ -77,7 +77,7 @@ def _parquet(measurement: Measurement, path: Path, unit: str) -> None:
 def _mcap(measurement: Measurement, path: Path, unit: str) -> None:
     if unit == "percent":
         raise RecordingError(f"{measurement.source}: positions are percent: a JointState has them in rad or m")
-    from dtwin.measurements.bag_writing import write_bag  # an extra, which few logs need
+    from dtwin.measurements.formats.bag_writing import write_bag  # an extra, which few logs need
 
     write_bag(measurement, path)
 

@@ -10,8 +10,8 @@ from dtwin.arm.chain import Arm
 from dtwin.identification.chain.identify import Sample, Settings, identify
 from dtwin.identification.chain.result import numbers
 from dtwin.measurements.arrays import measurement_from
-from dtwin.measurements.columns import guess, guess_map
 from dtwin.measurements.doors import read_table
+from dtwin.measurements.guessing import guess, guess_map
 from dtwin.measurements.measurement import Measurement
 from dtwin.measurements.reading import read_measurement
 from tests.support.chains import csv_of, drawn_arm, measured

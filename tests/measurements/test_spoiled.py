@@ -9,8 +9,9 @@ import pytest
 
 from dtwin.arm.chain import Arm
 from dtwin.errors import RecordingError
-from dtwin.measurements.columns import ColumnMap, Role, guess_map, map_text, read_map
+from dtwin.measurements.columns import ColumnMap, Role, map_text, read_map
 from dtwin.measurements.doors import read_table
+from dtwin.measurements.guessing import guess_map
 from dtwin.measurements.measurement import Measurement
 from dtwin.measurements.reading import read_measurement
 from tests.support.chains import csv_of, drawn_arm, measured

@@ -13,10 +13,10 @@ from rich.table import Table
 from dtwin.arm.chain import Arm
 from dtwin.files import ensure_writable, replacing
 from dtwin.measurements.checks import measurement_of
-from dtwin.measurements.columns import checked_map, map_text, read_map
+from dtwin.measurements.columns import map_text, read_map
 from dtwin.measurements.measurement import Measurement
 from dtwin.measurements.page import HEAD, oddities, page, rows_of, summary
-from dtwin.measurements.reading import guessed, table_of
+from dtwin.measurements.reading import table_of, understood
 from dtwin.measurements.writing import ENDINGS, POSITIONS, write_measurement
 from dtwin.terminal import as_text, print_json, print_table
 
@@ -49,10 +49,8 @@ class LogShow:
             if path is not None:
                 ensure_writable(path, ending)
         arm = _arm(self.arm, self.tip)
-        joints = None if arm is None else len(arm)
-        table = table_of(self.log)
-        table, columns = guessed(table, joints) if self.columns is None else (table, read_map(self.columns))
-        checked_map(columns, table, joints)
+        given = None if self.columns is None else read_map(self.columns)
+        table, columns = understood(table_of(self.log, arm), given, arm)
         if self.map is not None:
             with replacing(self.map) as temporary:
                 temporary.write_text(map_text(columns), encoding="utf-8")
@@ -108,10 +106,9 @@ class LogConvert:
     def execute(self) -> int:
         ensure_writable(self.out, *ENDINGS)
         arm = _arm(self.arm, self.tip)
-        joints = None if arm is None else len(arm)
-        table = table_of(self.log)
-        table, columns = guessed(table, joints) if self.columns is None else (table, read_map(self.columns))
-        found = measurement_of(table, checked_map(columns, table, joints), arm)
+        given = None if self.columns is None else read_map(self.columns)
+        table, columns = understood(table_of(self.log, arm), given, arm)
+        found = measurement_of(table, columns, arm)
         unit = columns.position.unit
         write_measurement(found, self.out, unit if unit in POSITIONS else "m" if unit == "mm" else "rad")
         if self.json:

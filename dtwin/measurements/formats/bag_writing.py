@@ -10,7 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from dtwin.measurements.bag_types import (
+from dtwin.measurements.formats.bag_types import (
     COMMANDS,
     DYNAMIC,
     EPISODES,

@@ -10,9 +10,9 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from dtwin.errors import RecordingError
-from dtwin.measurements.bag_types import DYNAMIC, EPISODES, JOINT_STATE, NUMBER
 from dtwin.measurements.doors import Table
-from dtwin.measurements.measurement import Array
+from dtwin.measurements.formats.bag_types import DYNAMIC, EPISODES, JOINT_STATE, NUMBER
+from dtwin.measurements.measurement import Array, Oddity
 from dtwin.measurements.naming import EPISODE, KINDS, TIME, UNITS, checked_joints, column_name
 
 _FIELDS: Final = ("position", "velocity", "effort")
@@ -29,15 +29,22 @@ class _Message(NamedTuple):
     message: Any
 
 
-def read_bag(path: Path) -> Table:
-    """Reads the JointState messages of the topic that has most of them, and what goes with them.
+def read_bag(path: Path, wanted: Sequence[str] = ()) -> Table:
+    """Reads the JointState messages of one topic, and what goes with them.
+
+    It is the topic, and in it the message, that names the joints that are wanted, else most joints. Messages of the
+    topic that name none of its joints, such as those of a gripper, are left out, and other topics are told.
 
     Columns are named as our own files name them: the stamp (s since the first message, that of the header, or of the
-    recorder where the header has none), then position, velocity and effort of every joint that the first message
-    names. The unit of an effort is not known, as some drivers give amperes there; torque, current, voltage and
-    temperature of a topic of DynamicJointState have theirs, and count instead of it. A topic of JointState with a
-    name such as /joint_commands gives the commanded positions. Of these other topics each row has the latest message
-    before it. A message without one of the joints gives NaN.
+    recorder where the header has none), then position, velocity and effort of every joint that it names. The
+    unit of an effort is not known, as some drivers give amperes there; torque, current, voltage and temperature of a
+    topic of DynamicJointState have theirs, and count instead of it. A topic of JointState with a name such as
+    /joint_commands gives the commanded positions. Of these other topics each row has the latest message before it. A
+    message without one of the joints gives NaN.
+
+    Args:
+        path: the recording.
+        wanted: names of the joints that are looked for; none where they are not known.
 
     Raises:
         RecordingError: rosbags is not installed, the recording is damaged, or it holds no JointState.
@@ -48,11 +55,17 @@ def read_bag(path: Path) -> Table:
     if not measured:
         held = ", ".join(sorted(f"{topic} ({kind})" for topic, kind in topics)) or "nothing"
         raise RecordingError(f"{path}: expected messages of {JOINT_STATE}, got {held}")
-    topic = max(measured, key=lambda name: len(measured[name]))
-    rows = measured[topic]
-    if not rows:
+    topic, named = max(
+        ((name, _joints(messages, wanted)) for name, messages in measured.items()),
+        key=lambda each: (set(wanted) <= set(each[1]), len(each[1]), len(measured[each[0]])),
+    )
+    if not measured[topic]:
         raise RecordingError(f"{path}: topic {topic}: expected messages, got none")
-    joints = checked_joints(f"{path}: topic {topic}", tuple(rows[0].message.name))
+    joints = checked_joints(f"{path}: topic {topic}", named)
+    asked = set(wanted) if set(wanted) <= set(joints) and wanted else set(joints)
+    rows = [row for row in measured[topic] if not asked.isdisjoint(row.message.name)]
+    others = sorted(name for name in measured if name != topic)
+    odd = tuple(Oddity(f"topic {name} has joints, too, and is not read", False) for name in others)
     times = np.array([row.time for row in rows], dtype=np.int64)
     columns: dict[str, Array] = {}
     for field in _FIELDS:
@@ -67,7 +80,13 @@ def read_bag(path: Path) -> Table:
         columns[EPISODE] = np.array(
             [np.nan if m is None else m.data for m in _held(times, numbers)], dtype=np.float64
         )
-    return Table(f"{path} {topic}", {TIME: _stamps(rows)} | columns, np.arange(len(rows)))
+    return Table(f"{path} {topic}", {TIME: _stamps(rows)} | columns, np.arange(len(rows)), odd)
+
+
+def _joints(messages: Sequence[_Message], wanted: Sequence[str]) -> tuple[str, ...]:
+    """The names of the message that has those that are wanted, else most; of several the first."""
+    names = {tuple(row.message.name): None for row in messages}
+    return max(names, key=lambda each: (set(wanted) <= set(each), len(each)), default=())
 
 
 def _topics(path: Path) -> dict[tuple[str, str], list[_Message]]:

@@ -1,0 +1,1 @@
+"""Single kinds of files: text, and recordings of ROS 2."""
