@@ -88,6 +88,10 @@ def read_mjcf(path: Path, tip: str | None = None) -> Arm:
     return Arm(path.stem, tuple(joints), tuple(links), gravity, tuple(remarks), tool)
 
 
+_FLAT: Final = "mesh volume is too small"
+"""What MuJoCo says of a mesh that is a surface."""
+
+
 def compiled(path: Path) -> mujoco.MjModel:
     """MuJoCo's model of a file.
 
@@ -101,7 +105,25 @@ def compiled(path: Path) -> mujoco.MjModel:
     except OSError as error:
         raise ModelError(f"{path}: cannot be read: {reason_of(error)}") from None
     except ValueError as error:
-        raise ModelError(one_line(path, str(error))) from None
+        found = _without_volumes(path) if _FLAT in str(error) else None
+        if found is None:
+            raise ModelError(one_line(path, str(error))) from None
+        return found
+
+
+def _without_volumes(path: Path) -> mujoco.MjModel | None:
+    """The model of a file whose meshes, some of which are surfaces, are drawn alone; None if a mass needs one."""
+    spec = mujoco.MjSpec.from_file(str(path))
+    for body in spec.bodies:
+        shapes = any(geom.type == mujoco.mjtGeom.mjGEOM_MESH for geom in body.geoms)
+        if shapes and body.name != "world" and not body.explicitinertial:
+            return None
+    for mesh in spec.meshes:
+        mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+    try:
+        return spec.compile()
+    except ValueError:
+        return None
 
 
 def _empty() -> tuple[Array, Array]:

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from scipy.stats import norm
 
 from dtwin.arm.chain import Array
 from dtwin.identification.chain.design import Rigid, Smooth, low_passed, rigid_of, smooth
@@ -78,7 +79,9 @@ def gears(found: Identification, samples: Sequence[Sample]) -> Gears:
     if not parts:
         return Gears((), measured)
     known = [joint for joint in range(len(found.arm)) if moved(found, joint) and not unclear(found, joint)]
-    return Gears(tuple(_gear(found, parts, joint) for joint in known), measured)
+    # Of many numbers some are beyond their own intervals by chance: what is told holds for all of them (Bonferroni).
+    sure = float(norm.ppf(1.0 - 0.025 / max(1, 2 * len(known)))) / NINETY_FIVE
+    return Gears(tuple(_gear(found, parts, joint, sure) for joint in known), measured)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -108,7 +111,8 @@ def _part(stretch: Smooth, other: Array, torque: Array, rigid: Rigid) -> _Part:
     return _Part(other - stretch.q, torque, stretch.v, rigid.kept, stretch.dt, stretch.dt * rigid.every)
 
 
-def _gear(found: Identification, parts: Sequence[_Part], joint: int) -> Gear:
+def _gear(found: Identification, parts: Sequence[_Part], joint: int, sure: float) -> Gear:
+    """A gear, of which is told what is more than `sure` times the half width of its interval."""
     name, scale = found.arm.joints[joint].name, found.design.scales[joint]
     every = np.concatenate([part.torque[part.kept, joint] for part in parts])
     usual = max(float(np.sqrt(np.mean(every**2))), 1e-9)
@@ -124,8 +128,8 @@ def _gear(found: Identification, parts: Sequence[_Part], joint: int) -> Gear:
     play, wide = 2.0 * float(solution[2]), 2.0 * float(half[2])
     return Gear(
         name,
-        Number(f"{name} compliance", compliance, yields, compliance > yields),
-        Number(f"{name} play", play, wide, sides and play > wide),
+        Number(f"{name} compliance", compliance, yields, compliance > sure * yields),
+        Number(f"{name} play", play, wide, sides and play > sure * wide),
         sides,
     )
 
