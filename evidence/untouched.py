@@ -15,7 +15,7 @@ TUNED: Final = (
     *(*range(1421, 1427), 1436, 1437, 1450, *range(1451, 1457), 1468, 1476, 1477, 1480),
     *(1481, 1484, 1485, 1492, 1511),
     *(1561, 1562, 1582, 1623, 1673, 1682, 1685, 1713, 1729, 1731, 1803),
-    *(3001, 3002, 3003),
+    *(3001, 3002, 3003, 4002, 5004, 5006, 905511),
 )
 """Numbers of the machines that identification, monitoring and recovery were tuned on, or mended after a look at."""
 

@@ -46,7 +46,10 @@ CERTAIN: Final = 8.0
 PAUSE: Final = 4
 """samples after a diagnosis before anything is suspected again"""
 MOST: Final = 500
-"""samples after the alarm at which the most likely cause is taken"""
+"""samples after the alarm at which the most likely cause is taken, unless what speaks for it is too little to confirm
+it and too much to dismiss it"""
+EXTENDED: Final = 1500
+"""samples after the alarm at which it is taken in any case: the next motions tell apart what one pose does not"""
 _PRECISE: Final = 0.02
 """standard deviation of what changed, relative to a plausible change, that is small enough to settle"""
 _AT_ONCE: Final = (BIAS, SCALE)
@@ -272,7 +275,8 @@ class Diagnosis:
         if age < self._least or probability < DECIDED:
             # An offset and a wrong scale differ only once the joint has moved far.
             located = top.fault.kind not in _AT_ONCE and self._located(top.fault.joint) >= LOCATED
-            return age >= MOST or (age >= PATIENT and located)
+            judged = top.gain < CERTAIN or self.earned()
+            return age >= EXTENDED or (judged and (age >= MOST or (age >= PATIENT and located)))
         if top.other or top.waits:
             return age >= ENOUGH
         # What is lost has no size to be told.

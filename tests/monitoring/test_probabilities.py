@@ -11,7 +11,7 @@ import pytest
 
 from dtwin.logs.log import Log
 from dtwin.monitoring.candidate import Candidate, Conclusion
-from dtwin.monitoring.diagnosis import LEAST, MOST, PATIENT, SURE, Diagnosis
+from dtwin.monitoring.diagnosis import EXTENDED, LEAST, MOST, PATIENT, SURE, Diagnosis
 from dtwin.monitoring.dismissals import Dismissals
 from dtwin.monitoring.estimation import traces
 from dtwin.monitoring.estimation.belief import Belief, Tail, Unmodelled
@@ -152,6 +152,24 @@ def test_tempered_evidence_leaves_more_causes_and_earns_less(belief: Belief) -> 
     assert diagnosis(belief, gains).earned()
     assert [str(fault) for fault, _ in diagnosis(belief, gains, ALIKE).others()] == ["payload", "bias2"]
     assert not diagnosis(belief, gains, ALIKE).earned()
+
+
+@pytest.mark.parametrize(
+    ("gains", "temper", "ends"),
+    [
+        ({"K1": 20.0, "payload": 12.0, "bias2": 11.0}, ALIKE, EXTENDED),
+        ({"K1": 200.0, "payload": 199.0, "bias2": 150.0}, ALIKE, MOST),
+        ({"K1": 6.0, "payload": 5.0, "bias2": 4.0}, ALIKE, MOST),
+        ({"K1": 20.0, "payload": 19.0, "bias2": 15.0}, 1.0, MOST),
+    ],
+)
+def test_what_is_neither_confirmed_nor_refuted_is_examined_for_longer(
+    belief: Belief, gains: dict[str, float], temper: float, ends: int
+) -> None:
+    """An offset that came while jaws closed was dismissed, and found again a minute later."""
+    found = diagnosis(belief, gains, temper)
+    assert not found.settled(10 + ends - 1)
+    assert found.settled(10 + ends)
 
 
 def test_what_one_sample_tells_of_an_encoder_is_nothing_that_a_model_lacks(belief: Belief) -> None:
