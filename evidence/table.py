@@ -36,6 +36,9 @@ COMMANDS: Final[dict[str, Subcommand]] = {
     "experiment line": Subcommand(
         "evidence.line.faults", "ExperimentLine", "let arms of a line fail at random; report"
     ),
+    "experiment line-kills": Subcommand(
+        "evidence.line.kills", "ExperimentLineKills", "end and freeze the processes that control a line; report"
+    ),
     "experiment ai": Subcommand(
         "evidence.ai.experiment",
         "ExperimentAi",

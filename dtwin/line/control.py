@@ -31,6 +31,8 @@ from iec61499.types import BOOL, DINT, DataType
 
 _TIMEOUT: Final = 5.0
 """Longest wait for an answer of a device elsewhere, s."""
+_RETRY: Final = 50
+"""Number of samples that a device which does not answer is spared before it is tried again."""
 _MESSAGES: Final = 1000
 """Most messages that may follow from one sample."""
 
@@ -121,16 +123,21 @@ class Devices:
 class Served:
     """The blocks of a line on devices elsewhere, such as those of `dtwin fb run --all`; a context manager.
 
+    A device that has ended, or does not answer in time, is connected to again later.
+
     Args:
         line: the line.
         whole: its system, whose SERVER blocks say at which ports they listen.
+        timeout: longest wait for an answer, s.
 
     Raises:
         CommunicationError: a block does not listen.
     """
 
-    def __init__(self, line: Line, whole: System) -> None:
+    def __init__(self, line: Line, whole: System, timeout: float = _TIMEOUT) -> None:
+        self._timeout = timeout
         self._clients: dict[str, BlockingClient] = {}
+        self._spared: dict[str, int] = {}
         identities = {
             block.name: parameter.value.strip("'")
             for application in whole.applications
@@ -138,10 +145,13 @@ class Served:
             for parameter in block.parameters
             if parameter.name == "ID"
         }
+        self._ends = {
+            name: (parse_block_id(identities[name]), Signature(receives), Signature(sends))
+            for name, (receives, sends) in _signatures(line).items()
+        }
         try:
-            for name, (receives, sends) in _signatures(line).items():
-                address = parse_block_id(identities[name])
-                self._clients[name] = BlockingClient(address, Signature(receives), Signature(sends), _TIMEOUT)
+            for name in self._ends:
+                self._connect(name)
         except CommunicationError:
             self.close()
             raise
@@ -159,8 +169,20 @@ class Served:
         for client in self._clients.values():
             client.close()
 
+    def _connect(self, block: str) -> None:
+        self._clients[block] = BlockingClient(*self._ends[block], self._timeout)
+
     def exchange(self, block: str, values: Sequence[Any]) -> tuple[Any, ...]:
-        return tuple(self._clients[block].exchange(values))
+        if self._spared.get(block):
+            self._spared[block] -= 1
+            raise CommunicationError(f"{block} does not answer")
+        try:
+            if self._clients[block].lost:
+                self._connect(block)
+            return tuple(self._clients[block].exchange(values))
+        except CommunicationError:
+            self._spared[block] = _RETRY
+            raise
 
 
 class _Post:
@@ -211,10 +233,18 @@ class Control:
     Args:
         line: the line.
         blocks: the running blocks.
+        patient: whether the plant goes on while blocks do not answer: arms finish what they have, vehicles drive to
+            the last node that was given to them. When they answer again they are told the set-up anew.
+
+    Attributes:
+        blocks: the running blocks.
+        absent: names of the blocks that do not answer.
     """
 
-    def __init__(self, line: Line, blocks: Exchange) -> None:
-        self._line, self.blocks = line, blocks
+    def __init__(self, line: Line, blocks: Exchange, patient: bool = False) -> None:
+        self._line, self.blocks, self._patient = line, blocks, patient
+        self.absent: set[str] = set()
+        self._renewed = False
         self._assignment: Assignment = line.assignment
         self._counts: dict[str, int] = {}
 
@@ -227,7 +257,7 @@ class Control:
 
         Raises:
             ParameterError: the stations cannot do that.
-            CommunicationError: a zone does not answer.
+            CommunicationError: a zone does not answer, and the control is not patient.
         """
         self._line.check_assignment(assignment)
         for place, zone in enumerate(self._line.zones):
@@ -244,26 +274,44 @@ class Control:
         stations = [assignment[operation.name] for operation in self._line.operations]
         numbers = [zone.station(name) if name in names else 0 for name in stations]
         numbers += [0] * (MOST_OPERATIONS - len(numbers))
-        (count,) = self.blocks.exchange(setup_of(zone.name), numbers)
-        taken = count != self._counts.get(zone.name)
-        self._counts[zone.name] = count
+        answer = self._ask(setup_of(zone.name), numbers)
+        if answer is None:
+            return False
+        taken = answer[0] != self._counts.get(zone.name)
+        self._counts[zone.name] = answer[0]
         return taken
+
+    def _ask(self, block: str, values: Sequence[Any]) -> tuple[Any, ...] | None:
+        """The answer of a block; None of one that does not answer."""
+        try:
+            answer = self.blocks.exchange(block, values)
+        except CommunicationError:
+            if not self._patient:
+                raise
+            self.absent.add(block)
+            return None
+        self._renewed = self._renewed or block in self.absent
+        self.absent.discard(block)
+        return answer
 
     def step(self, plant: Plant) -> None:
         """One cycle: all samples go to the blocks, and their answers to the plant.
 
         Raises:
-            CommunicationError: a block does not answer.
+            CommunicationError: a block does not answer, and the control is not patient.
         """
-        exchange = self.blocks.exchange
+        if self._renewed:
+            self._counts.clear()  # a zone that has begun anew counts its set-ups from the first
+            self._renewed = not self.set_up(self._assignment)
         for number, zone in enumerate(self._line.zones):
             for station in zone.stations:
                 tags, report = plant.station_tags(station.name), plant.stations[station.name].report
-                (place,) = exchange(plant_of(station.name), (*tags, report.arm, report.stop))
-                plant.offer(station.name, place)
+                if answer := self._ask(plant_of(station.name), (*tags, report.arm, report.stop)):
+                    plant.offer(station.name, *answer)
             for planned in zone.vehicles:
                 vehicle = plant.vehicles[planned.name]
                 sample = vehicle.sample()
                 values = (sample.at, sample.standing, sample.loaded, sample.battery)
-                vehicle.obey(VehicleCommand(*exchange(plant_of(planned.name), values)))
-            exchange(plant_of(zone.name), (plant.entry_tag(number), plant.room(number)))
+                if answer := self._ask(plant_of(planned.name), values):
+                    vehicle.obey(VehicleCommand(*answer))
+            self._ask(plant_of(zone.name), (plant.entry_tag(number), plant.room(number)))

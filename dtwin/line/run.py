@@ -39,7 +39,7 @@ class Decision(msgspec.Struct, frozen=True):
     Attributes:
         time: plant time, s.
         who: twin, monitor or operator.
-        what: "finding", "stop", "set-up", "proposal", "none possible", "repair".
+        what: "finding", "stop", "set-up", "proposal", "none possible", "repair", "no answer", "answers again".
         why: in words.
         station: station that it is about, "" for the line.
         assignment: which station does what from then on, empty if that does not change.
@@ -140,7 +140,8 @@ class LineRun:
         stations: dict[str, Station] = dict(self.emulated)
         self.plant = Plant(line, stations)
         here = Devices if settings.devices else OneResource
-        self.control = Control(line, blocks or here(line))
+        self.control = Control(line, blocks or here(line), patient=blocks is not None)
+        self._absent: frozenset[str] = frozenset()
         self._nodes = {s.name: NodeTwin(s, line.source.lightest, line.source.heaviest) for s in line.stations}
         self._zones = [ZoneTwin(line, number, self._nodes) for number in range(len(line.zones))]
         self._overall = OverallTwin(line, self._zones)
@@ -216,6 +217,7 @@ class LineRun:
         check_boxes(self.plant)
         self.course.events += self.plant.drain()
         self.course.samples.append(self.sample())
+        self._note_absent()
         if self.settings.twins != "off":
             for name, node in self._nodes.items():
                 report = self.plant.stations[name].report
@@ -231,6 +233,15 @@ class LineRun:
         # Last, because what stations told before is old then.
         while self._repairs and self._repairs[0][0] <= self.time:
             self._repair(self._repairs.pop(0)[1])
+
+    def _note_absent(self) -> None:
+        """Notes which blocks no longer answer, and when all do again."""
+        absent = frozenset(self.control.absent)
+        if new := absent - self._absent:
+            self._decide("control", "no answer", f"no answer from {', '.join(sorted(new))}: the rest goes on")
+        elif self._absent and not absent:
+            self._decide("control", "answers again", "all blocks answer, and the stations are set up anew")
+        self._absent = absent
 
     def sample(self) -> Sample:
         """What the line does now."""

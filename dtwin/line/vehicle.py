@@ -100,7 +100,7 @@ class Vehicle:
         return VehicleSample(self._track.number(self.path[0]), self.standing, self.box != 0, math.floor(self.battery))
 
     def obey(self, command: VehicleCommand) -> None:
-        """Takes a command; a node that it has counts once, and an action begins anew when it is another one than before."""
+        """Takes a command; a node that it has counts once; an action begins anew when it is another than before."""
         if command.next and (node := self._track.name(command.next)) != self.path[-1]:
             self.path.append(node)
         if (command.action, command.slot) != (self.action, self._slot):

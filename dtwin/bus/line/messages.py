@@ -80,7 +80,7 @@ class LineDecision(msgspec.Struct, frozen=True):
     Attributes:
         time: plant time, s.
         who: twin, monitor, or the name of a person or an AI.
-        what: finding, stop, set-up, proposal, none possible, repair or release.
+        what: finding, stop, set-up, proposal, none possible, repair, release, no answer or answers again.
         why: in words.
         station: station that it is about, "" for the line.
         rate: boxes an hour that are expected then, 0 if nothing is.

@@ -1,0 +1,249 @@
+"""A line whose control runs as processes that are ended and frozen at random: what goes on, and what comes back."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, ClassVar, Final, Literal
+
+import msgspec
+import numpy as np
+
+from dtwin.campaign.spread import Progress
+from dtwin.commands.frame import at_least
+from dtwin.controller.ports import BLOCKS
+from dtwin.errors import CommunicationError, DtwinError
+from dtwin.line.control import Control, Served
+from dtwin.line.file import DEFAULT_NAME, line_of
+from dtwin.line.line import CYCLE, Line
+from dtwin.line.plant import Plant, check_boxes
+from dtwin.line.station import TimedStation
+from dtwin.line.system import system
+from dtwin.line.twins.node import rehearsed
+from dtwin.services.service import free_port
+from evidence.experiment import ExperimentCommand
+from evidence.report import Report, page, table
+from iec61499.deploy.system_file import system_text
+from iec61499.mapping import configured
+from iec61499.model import Parameter, System
+
+Trouble = Literal["ended", "frozen"]
+AWAY: Final = 8.0
+"""Time for which a process is gone or frozen, s."""
+AFTERWARDS: Final = 60.0
+"""Time after it is back in which boxes must leave, s."""
+PATIENCE: Final = 60.0
+"""Longest time until all blocks answer again, s."""
+_FILLING: Final = 100.0
+_ANSWER: Final = 1.0
+"""Longest wait for an answer, s of the wall clock."""
+_START: Final = 30.0
+"""Longest time in which a process starts, s of the wall clock."""
+
+
+@dataclass(frozen=True, slots=True)
+class KillOutcome:
+    """What came of one process that was troubled.
+
+    Attributes:
+        device: its device of the line's system.
+        trouble: what was done to it.
+        back: time after it was back until all blocks answered, s; None if that did not happen.
+        left: boxes that left the line meanwhile and afterwards.
+        lost, collisions: boxes lost and vehicles that touched, since the last outcome.
+    """
+
+    device: str
+    trouble: Trouble
+    back: float | None
+    left: int
+    lost: int
+    collisions: int
+
+    @property
+    def kept(self) -> bool:
+        """Whether the line went on, and nothing was lost or touched."""
+        return self.back is not None and self.left > 0 and not self.lost and not self.collisions
+
+
+def at_free_ports(whole: System) -> System:
+    """A system whose SERVER blocks and managements listen at free ports."""
+    (application,) = whole.applications
+    names = [block.name for block in application.network.blocks if block.type_name.startswith("SERVER")]
+    devices = tuple(
+        replace(device, parameters=(Parameter("MGR_ID", f"'localhost:{free_port()}'"),)) for device in whole.devices
+    )
+    return configured(replace(whole, devices=devices), {f"{name}.ID": f"localhost:{free_port()}" for name in names})
+
+
+class Processes:
+    """The devices of a system, a process each."""
+
+    def __init__(self, path: Path, names: list[str]) -> None:
+        self._path = path
+        self._running: dict[str, subprocess.Popen[bytes]] = {}
+        for name in names:
+            self.start(name)
+
+    def start(self, name: str) -> None:
+        """Starts the process of a device."""
+        command = [sys.executable, "-m", "dtwin", "fb", "run", str(self._path), "--device", name]
+        self._running[name] = subprocess.Popen([*command, "--blocks", str(BLOCKS)], stdout=subprocess.DEVNULL)
+
+    def disturb(self, name: str, trouble: Trouble) -> None:
+        """Ends or freezes a process."""
+        if trouble == "frozen":
+            os.kill(self._running[name].pid, signal.SIGSTOP)
+        else:
+            self._running[name].kill()
+            self._running[name].wait()
+
+    def restore(self, name: str, trouble: Trouble) -> None:
+        """Lets it go on, or starts it again."""
+        if trouble == "frozen":
+            os.kill(self._running[name].pid, signal.SIGCONT)
+        else:
+            self.start(name)
+
+    def close(self) -> None:
+        """Ends all."""
+        for process in self._running.values():
+            process.kill()
+            process.wait()
+
+
+@contextmanager
+def served(line: Line) -> Iterator[tuple[Processes, Served, list[str]]]:
+    """The control of a line as processes, connected, and the names of its devices.
+
+    Raises:
+        CommunicationError: the processes do not start.
+    """
+    whole = at_free_ports(system(line))
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "line.sys"
+        path.write_text(system_text(whole), encoding="utf-8")
+        names = [device.name for device in whole.devices]
+        processes = Processes(path, names)
+        try:
+            with _connected(line, whole) as blocks:
+                yield processes, blocks, names
+        finally:
+            processes.close()
+
+
+def _connected(line: Line, whole: System) -> Served:
+    until = time.monotonic() + _START
+    while True:
+        try:
+            return Served(line, whole, _ANSWER)
+        except CommunicationError:
+            if time.monotonic() > until:
+                raise
+            time.sleep(0.2)
+
+
+class _Run:
+    def __init__(self, line: Line, blocks: Served) -> None:
+        self.plant = Plant(line, {each.name: TimedStation(rehearsed(each)) for each in line.stations})
+        self.control = Control(line, blocks, patient=True)
+        self.control.set_up(line.assignment)
+
+    def work(self, seconds: float) -> None:
+        for _ in range(round(seconds / CYCLE)):
+            self.plant.advance()
+            self.control.step(self.plant)
+            check_boxes(self.plant)
+
+    def back(self) -> float | None:
+        """Works until all blocks answer; how long that took, s."""
+        began, until = self.plant.time, time.monotonic() + _START
+        while self.control.absent:
+            self.work(1.0)
+            if self.plant.time - began > PATIENCE and time.monotonic() > until:
+                return None
+        return self.plant.time - began
+
+
+def disturbed(line: Line, events: int, seed: int, progress: Progress = lambda done, of: None) -> list[KillOutcome]:
+    """Troubles one process after the other.
+
+    Args:
+        line: the line; its arms only take time.
+        events: number of troubles.
+        seed: number of the random generator that draws them.
+        progress: told how many are over.
+
+    Raises:
+        DtwinError: a box has vanished, or the processes do not start.
+    """
+    generator, outcomes = np.random.default_rng(seed), []
+    with served(line) as (processes, blocks, names):
+        run = _Run(line, blocks)
+        run.work(_FILLING)
+        for number in range(events):
+            name = str(generator.choice(names))
+            trouble: Trouble = "ended" if generator.random() < 0.5 else "frozen"
+            plant = run.plant
+            left, lost, collisions = len(plant.left), plant.lost, plant.collisions
+            processes.disturb(name, trouble)
+            run.work(AWAY)
+            processes.restore(name, trouble)
+            back = run.back()
+            run.work(AFTERWARDS)
+            counts = len(plant.left) - left, plant.lost - lost, plant.collisions - collisions
+            outcomes.append(KillOutcome(name, trouble, back, *counts))
+            progress(number + 1, events)
+    return outcomes
+
+
+@dataclass(frozen=True)
+class ExperimentLineKills(ExperimentCommand[list[KillOutcome]]):
+    """End and freeze the processes that control a line at random, while it works.
+
+    Fails when a box is lost, vehicles touch, blocks do not answer again, or no box leaves the line afterwards.
+    """
+
+    name: ClassVar = "line-kills"
+
+    line: str = DEFAULT_NAME
+    """Line: a file (*.toml) or a name of the folder lines."""
+    events: int = 60
+    """Number of processes that are ended or frozen, one after the other."""
+
+    def measure(self, progress: Progress) -> list[KillOutcome]:
+        at_least("--events", self.events, 1)
+        if sys.platform == "win32":
+            raise DtwinError("line-kills: expected a system that can freeze processes")
+        return disturbed(line_of(self.line), self.events, self.seed, progress)
+
+    def report(self, result: list[KillOutcome]) -> Report:
+        rows = [
+            [
+                each.device,
+                each.trouble,
+                "never" if each.back is None else f"{each.back:.0f}",
+                *map(str, (each.left, each.lost, each.collisions)),
+            ]
+            for each in result
+        ]
+        words = (
+            f"Each process of the line's control is away for {AWAY:g} s of plant time; then all must answer again,"
+            f" and boxes must leave the line in {AFTERWARDS:g} s. The arms only take time."
+        )
+        header = ["device", "what", "answers after s", "boxes that left", "lost", "touched"]
+        return page("A line whose control is ended and frozen", words, table(header, rows))
+
+    def figures(self, result: list[KillOutcome]) -> dict[str, Any]:
+        return {"troubles": msgspec.to_builtins(result), "kept": sum(each.kept for each in result)}
+
+    def passed(self, result: list[KillOutcome]) -> bool:
+        return all(each.kept for each in result)
