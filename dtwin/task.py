@@ -142,7 +142,7 @@ DEFAULT_TASK: Final = Task(PICKUP, tuple(Destination(name, place, _RGB[name]) fo
 """The task of a cell for which no other is given."""
 
 
-def told(task: Task) -> dict[str, Any]:
+def notes_of(task: Task) -> dict[str, Any]:
     """What the metadata of a log says of a task: nothing of the usual one."""
     return {} if task == DEFAULT_TASK else {"task": asdict(task)}
 

@@ -126,7 +126,7 @@ class Bridge:
         self._last: Voltages | None = None
         self._before: Sensors | None = None
         self._recent = Recent()
-        self._backlog = Backlog(service.next, self._recent.take)
+        self._backlog = Backlog(service.next, self._recent.add)
         self._heard = 0.0
         self._limp = 0
         self._limp_at = -1
@@ -135,7 +135,7 @@ class Bridge:
         self._publish: Publisher | Kept = bus.publisher(VOLTAGES, lossless=lossless)
         self._publish_path: Publisher | Kept = bus.publisher(PATH, lossless=lossless)
         self._tell = bus.publisher(EVENTS)
-        bus.subscribe(SENSORS, Sensors, Following(self._hear, bus.refuse))
+        bus.subscribe(SENSORS, Sensors, Following(self._on_sample, bus.refuse))
         bus.subscribe(EVENTS, Event, self._note)
         bus.subscribe(ACTED, Acted, self._note_acted)
         self._settings_lock = threading.Lock()
@@ -320,7 +320,7 @@ class Bridge:
             self._trouble = text
             self._tell(Event(self._time(), EventKind.TROUBLE, text[:1000]))
 
-    def _hear(self, sensors: Sensors) -> None:
+    def _on_sample(self, sensors: Sensors) -> None:
         self._heard = sensors.time
         self._service.inbox.put(sensors)
 

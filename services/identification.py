@@ -178,9 +178,9 @@ class Identification:
 
     def _deal_with(self, item: list[Tick] | Sensors | Voltages | Acted | IdentificationRequest | None) -> None:
         if isinstance(item, IdentificationRequest):
-            self._begin(item)
+            self._start(item)
         elif isinstance(item, list):
-            self._operating.take(item)
+            self._operating.extend(item)
             sensors = item[-1][0]
             self._time = sensors.time
             if self._measuring and not self._followed and sensors.sequence % PROGRESS == 0:
@@ -195,7 +195,7 @@ class Identification:
         if self._measuring and time.monotonic() > self._deadline:
             raise IdentificationError(f"{self._state.text}, and there it stopped: does the cell run?")
 
-    def _begin(self, request: IdentificationRequest) -> None:
+    def _start(self, request: IdentificationRequest) -> None:
         self._request, self._model, self._collector = request, None, None
         self._measuring, self._due = True, request.source == "signal"
         self._follow(self._due)
@@ -236,7 +236,7 @@ class Identification:
     def _collect(self, collector: SignalCollector, item: Sensors | Voltages | Acted) -> None:
         """Finds the signal among what passes."""
         before = collector.done
-        collector.take(item)
+        collector.add(item)
         if collector.complete:
             self._collector = None
             self._follow(False)

@@ -30,7 +30,7 @@ from dtwin.parameters import PERIOD, ArmParameters
 from dtwin.run.options import ArmOptions
 from dtwin.services.parts.log_parts import Parts
 from dtwin.services.parts.missed.catching_up import catch_up
-from dtwin.services.parts.part_files import begin, discard_parts, first_recording, numbered
+from dtwin.services.parts.part_files import discard_parts, first_recording, mark_begun, numbered
 from dtwin.services.parts.readiness.ghost import believed, prepare_ghost
 from dtwin.services.parts.rows import LOSSLESS_PATIENCE, PATIENCE, Rows
 from dtwin.services.service import Link, Service, main
@@ -149,7 +149,7 @@ class Recorder:
         self._said, self._trouble = 0.0, ""
         if options.log is not None and self._runs > 1:
             Parts(numbered(options.log, self._runs - 1)).finish(notes)  # A kill may have come while it was written.
-        self._begin()
+        self._open()
 
     def listen(self, service: Service) -> None:
         """Puts what passes on the bus into the inbox of the service."""
@@ -220,7 +220,7 @@ class Recorder:
         self._residuals.append(message)
 
     def _take_verdict(self, message: MonitoringVerdict, now: float) -> None:
-        self._opinion.take(message, now)
+        self._opinion.update(message, now)
         self._verdicts.append(message)
 
     def _add_row(self, record: StepRecord) -> None:
@@ -270,7 +270,7 @@ class Recorder:
         """
         options = self._options
         if options.log is None and options.record is not None and options.resumable:
-            begin(options.record, self._runs)
+            mark_begun(options.record, self._runs)
         last, first = -math.inf if self._parts is None else self._parts.last, part.columns["t"][0]
         if first < last:
             self._begin_another()
@@ -304,7 +304,7 @@ class Recorder:
             view.add(rows)
         return row
 
-    def _begin(self) -> None:
+    def _open(self) -> None:
         """Opens what is to be written."""
         self._joined = False
         self._undrawn = None
@@ -344,12 +344,12 @@ class Recorder:
         log.warning("the cell has started anew after %.2f s: another recording begins", self._time)
         options = self._options
         if options.log is not None and options.resumable:
-            begin(options.log, self._runs + 1)  # Who goes on after a kill must not write over what is finished.
+            mark_begun(options.log, self._runs + 1)  # Who goes on after a kill must not write over what is finished.
         self._end()
         self._runs += 1
         if options.log is not None:
             discard_parts(numbered(options.log, self._runs))
-        self._begin()
+        self._open()
         return True
 
     def _end(self) -> None:

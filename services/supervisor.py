@@ -322,7 +322,7 @@ class Supervisor:
         self._events.append(event)
 
     def _note_verdict(self, verdict: MonitoringVerdict) -> None:
-        self._opinion.take(verdict, time.monotonic())
+        self._opinion.update(verdict, time.monotonic())
 
     def _note_ticks(self, passed: PassedTicks | JointTicks) -> None:
         self._opinion.sample(passed.ticks[-1].sensors.time, time.monotonic())

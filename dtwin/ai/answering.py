@@ -99,13 +99,13 @@ class Answering:
         """Whether an answer is under way."""
         return self._busy
 
-    def begin(self) -> None:
+    def put_into_force(self) -> None:
         """Puts the model of the healthy arm into force before anything has happened. Blocks; before `start` alone.
 
         Raises:
             CommunicationError: it is refused or taken back.
         """
-        self._measures().begin()
+        self._measures().put_into_force()
 
     def prepared(self) -> float:
         """Puts the model of the healthy arm into force in this object's thread, and waits; since when it is, s.
@@ -159,7 +159,7 @@ class Answering:
                 return ended("nothing to do", answer.why)
             if answer.measure == STOP:
                 return ended("interrupted", f"stop the arm: {order(parse_fault_id(names[0]))}")
-            return ended("done", "uploaded, and its trial passed", self._measures().take(answer.measure, found))
+            return ended("done", "uploaded, and its trial passed", self._measures().carry_out(answer.measure, found))
         except FindingWithdrawn as over:
             return ended("nothing to do", str(over))
         except RolledBack as error:
@@ -182,21 +182,21 @@ class Answering:
 
     def _work(self) -> None:
         while not self._over.is_set():
-            self._hear(self._wake.is_set)
+            self._read_messages(self._wake.is_set)
             if not self._wake.is_set():
                 continue
             self._wake.clear()
             if self._preparing:
                 self._preparing = False
                 try:
-                    self._since = self._measures().begin()
+                    self._since = self._measures().put_into_force()
                 except _BROKEN_OFF as error:
                     self._since = error
                 self._ready.set()
                 continue
             try:
                 if self.measures is None:
-                    self._measures().begin()
+                    self._measures().put_into_force()
                 self.answers.append(self.now(self._asked))
             except _BROKEN_OFF as error:
                 names = tuple(unit.parameter for unit in self._asked)
@@ -205,7 +205,7 @@ class Answering:
                 self.answers.append(Answered(names, measure, "failed", text, self.desk.time, tuple(self._asked)))
             self._busy = False
 
-    def _hear(self, enough: Callable[[], bool]) -> None:
+    def _read_messages(self, enough: Callable[[], bool]) -> None:
         """Hears what is said until there is something to do; what would interrupt an answer interrupts nothing."""
         try:
             for _ in self.desk.messages():

@@ -38,7 +38,7 @@ def answering_door(healthy: ArmParameters | None) -> Door:
                         break
                     if answering.desk.time > began + HEARD:
                         raise CommunicationError(f"nothing settled is found of {' and '.join(names)} any more")
-                answering.begin()
+                answering.put_into_force()
             except CriticalFinding as grave:
                 found = [grave.finding]
             except (StoppedByController, DeadlinePassed) as over:

@@ -67,7 +67,7 @@ class Noting:
         def call(**arguments: Any) -> Any:
             try:
                 if not always:
-                    self._rate.take()
+                    self._rate.count()
                 if changes:
                     self._given(name, arguments, always)
                 answer = tool(**arguments)

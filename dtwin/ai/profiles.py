@@ -122,7 +122,7 @@ class Allowance:
         self._clock = clock
         self._made: deque[float] = deque(maxlen=limits.hourly)
 
-    def take(self) -> None:
+    def count(self) -> None:
         """Counts a change, whether or not it is refused afterwards.
 
         Raises:
@@ -176,7 +176,7 @@ class Rate:
         self._clock = clock
         self._made: deque[float] = deque(maxlen=most)
 
-    def take(self) -> None:
+    def count(self) -> None:
         """Counts a call.
 
         Raises:

@@ -90,13 +90,13 @@ class LiveCell:
         waiting: deque[Sensors] = deque(maxlen=bound)
         arrived = Condition()
 
-        def take(sample: Sensors) -> None:
+        def collect(sample: Sensors) -> None:
             with arrived:
                 self.missed += len(waiting) == bound
                 waiting.append(sample)
                 arrived.notify()
 
-        subscription = self.bus.subscribe(SENSORS, Sensors, take)
+        subscription = self.bus.subscribe(SENSORS, Sensors, collect)
         try:
             for _ in itertools.count() if count is None else range(count):
                 with arrived:

@@ -98,7 +98,7 @@ class Answerer:
         """Ends the thread once it has done what waits."""
         self._waiting.put(None)
 
-    def take(self, query: zenoh.Query) -> None:
+    def receive(self, query: zenoh.Query) -> None:
         """Turns a query away or lets it wait for its turn; called on Zenoh's thread."""
         payload = query.payload.to_bytes() if query.payload else b""
         task = _Task(query, payload)

@@ -138,7 +138,7 @@ class Question:
     def _send(self, asking: Asking, payload: bytes, request: bytes, inbox: SimpleQueue[Opened | None]) -> None:
         """Sends a request; what can be believed goes into the inbox, and None when everybody has answered."""
 
-        def take(reply: zenoh.Reply) -> None:
+        def collect(reply: zenoh.Reply) -> None:
             try:
                 if reply.ok is None:
                     said = b"" if reply.err is None else reply.err.payload.to_bytes()
@@ -153,7 +153,7 @@ class Question:
                 self._said = str(error)
                 self._refuse(getattr(error, "reason", "invalid"), f"{self._key}: an answer to a request: {error}")
 
-        handler = Callback(take, lambda: inbox.put(None), indirect=False)
+        handler = Callback(collect, lambda: inbox.put(None), indirect=False)
         self._querier.get(handler, payload=payload, encoding=JSON, attachment=request)
 
     def _nobody(self) -> str:

@@ -81,7 +81,7 @@ class Prompt:
     def put(self, message: Sensors | Voltages | Acted) -> None:
         """Takes a message; Zenoh may call for two topics at once."""
         with self._taking:
-            for tick in self._ticks.take(message):
+            for tick in self._ticks.add(message):
                 self._waiting.append(tick)
                 if tick[0].sequence % self.size == 0 or len(self._waiting) >= self.size:
                     waiting, self._waiting = self._waiting, []

@@ -49,7 +49,7 @@ class Presence:
         self._proofs: dict[str, set[str]] = {}
         self._lock = threading.Lock()
 
-    def take(self, expression: str, alive: bool) -> None:
+    def update(self, expression: str, alive: bool) -> None:
         """Takes note of a token that has come or gone.
 
         Raises:

@@ -206,7 +206,7 @@ class Bus:
         reader = Reader(message)
         verify = Verifier(self._key, self.key(topic)) if self._key else None
 
-        def take(sample: zenoh.Sample) -> None:
+        def deliver(sample: zenoh.Sample) -> None:
             _stay_attached()
             payload = _bytes(sample.payload)
             try:
@@ -220,7 +220,7 @@ class Bus:
                     for tell in strangers:
                         tell()
 
-        return Subscription(self._declare(self._session.declare_subscriber, self.key(topic, part), take))
+        return Subscription(self._declare(self._session.declare_subscriber, self.key(topic, part), deliver))
 
     def watch_raw(self, expression: str, receive: Callable[[str, bytes], Any]) -> None:
         """Calls `receive` with key and payload of all messages of the arm whose key matches an expression.
@@ -229,14 +229,14 @@ class Bus:
             ParameterError: it is no key expression.
         """
 
-        def take(sample: zenoh.Sample) -> None:
+        def deliver(sample: zenoh.Sample) -> None:
             receive(str(sample.key_expr), _bytes(sample.payload))
 
         try:
             key = zenoh.KeyExpr(self._prefix + expression)
         except zenoh.ZError:
             raise ParameterError(f"{expression!r}: expected a key expression such as sensors or status/*") from None
-        self._declare(self._session.declare_subscriber, str(key), take)
+        self._declare(self._session.declare_subscriber, str(key), deliver)
 
     def watch_alive(self, receive: Callable[[str, bool], Any], service: str = "*") -> None:
         """Calls `receive` with the name of a service, or of that one, and whether its liveliness token exists, now
@@ -247,16 +247,16 @@ class Bus:
         """
         presence = Presence(self.key(ALIVE, ""), self._key, receive)
 
-        def take(sample: zenoh.Sample) -> None:
+        def deliver(sample: zenoh.Sample) -> None:
             try:
-                presence.take(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
+                presence.update(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
             except MessageError as error:
                 self.refuse(error.reason, str(error))
 
         def declare(key: str, handler: Callback) -> Any:
             return self._session.liveliness().declare_subscriber(key, handler, history=True)
 
-        self._declare(declare, self.key(ALIVE, service if self._key is None else f"{service}/**"), take)
+        self._declare(declare, self.key(ALIVE, service if self._key is None else f"{service}/**"), deliver)
 
     def answer(
         self,
@@ -280,7 +280,7 @@ class Bus:
         key = self.key(topic)
         answering = Answering(self._key, key) if self._key else None
         answerer = Answerer(key, message, act, read, topic.patience, answering, self.refuse)
-        handler = Callback(answerer.take, answerer.end, indirect=False)
+        handler = Callback(answerer.receive, answerer.end, indirect=False)
         self._declared.append(self._session.declare_queryable(key, handler))
 
     def ask(self, topic: Topic, message: msgspec.Struct | None, reply: type[M], timeout: float | None = None) -> M:
@@ -309,9 +309,9 @@ class Bus:
                 self._queriers[key, patience] = declare_querier(self._session, key, patience)
             return self._queriers[key, patience]
 
-    def _declare(self, declare: Callable[[str, Any], Any], key: str, take: Callable[[Any], None]) -> Any:
+    def _declare(self, declare: Callable[[str, Any], Any], key: str, deliver: Callable[[Any], None]) -> Any:
         # Direct: a hand-over to another thread would cost as much as the way over the wire.
-        declared = declare(key, Callback(take, lambda: None, indirect=False))
+        declared = declare(key, Callback(deliver, lambda: None, indirect=False))
         self._declared.append(declared)
         return declared
 

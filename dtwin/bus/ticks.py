@@ -32,7 +32,7 @@ class Ticks:
         self._acted: dict[int, Acted] = {}
         self._newest = -1
 
-    def take(self, message: Sensors | Voltages | Acted) -> list[Tick]:
+    def add(self, message: Sensors | Voltages | Acted) -> list[Tick]:
         """Takes a message; returns the ticks that are complete now, oldest first."""
         number = message.sequence
         match message:

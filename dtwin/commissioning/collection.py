@@ -41,9 +41,9 @@ class Collection:
     def __len__(self) -> int:
         return len(self._rows)
 
-    def take(self, message: Message) -> None:
+    def add(self, message: Message) -> None:
         """Takes a message."""
-        for sensors, acted in self._incoming.take(message):
+        for sensors, acted in self._incoming.add(message):
             if sensors.sequence <= self._last:
                 self._rows = RunLog()
             self._last = sensors.sequence
@@ -77,7 +77,7 @@ def collect(bus: Bus, seconds: float, progress: Callable[[float], None], patienc
     try:
         while len(rows) < wanted:
             try:
-                rows.take(inbox.get(timeout=patience))
+                rows.add(inbox.get(timeout=patience))
             except Empty:
                 raise CommunicationError(f"nothing has come from the cell for {patience:g} s: does it run?") from None
             if len(rows) // _SECOND != told:

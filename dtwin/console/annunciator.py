@@ -76,7 +76,7 @@ class Annunciator:
             sources.event(event, at)
         self.alarms.pass_time(at)
 
-    def told(self, at: float) -> dict[str, Any]:
+    def message(self, at: float) -> dict[str, Any]:
         """What pages are told of the alarms."""
         return {
             "tell": "alarms",

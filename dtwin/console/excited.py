@@ -28,12 +28,12 @@ class ExcitedMotion:
         self._ticks: deque[Tick] = deque(maxlen=LONGEST)
         self._phase = ""
 
-    def take(self, ticks: Iterable[Tick]) -> None:
+    def extend(self, ticks: Iterable[Tick]) -> None:
         """Takes ticks, oldest first."""
         with self._taking:  # Zenoh may call for two topics at once.
             self._ticks.extend(ticks)
 
-    def take_state(self, state: IdentificationState) -> None:
+    def update_state(self, state: IdentificationState) -> None:
         """Takes the state of an identification, which says when the excitation has ended."""
         if state.phase == "estimating" and self._phase == "measuring":
             self._keep()

@@ -299,7 +299,7 @@ class Hub:
         return dict(sorted(found.items()))
 
     def _take_ticks(self, ticks: list[Tick]) -> None:
-        self.excited.take(ticks)
+        self.excited.extend(ticks)
         if not self._followed:
             for sensors, acted in ticks:
                 self._note_colours(sensors)
@@ -343,14 +343,14 @@ class Hub:
         self._residuals = residuals
 
     def _take_verdict(self, verdict: MonitoringVerdict) -> None:
-        self._opinion.take(verdict, self._clocks.steady())
+        self._opinion.update(verdict, self._clocks.steady())
 
     def _take_last(self, message: msgspec.Struct) -> None:
         self._last[type(message)] = message
 
     def _take_identification(self, state: IdentificationState) -> None:
         self._take_last(state)
-        self.excited.take_state(state)
+        self.excited.update_state(state)
 
     def _take_event(self, event: Event) -> None:
         self._events.append(event)

@@ -27,7 +27,7 @@ class ExcitationController:
     def __init__(self, blocks: Path = BLOCKS) -> None:
         self._resource = Resource(*application(blocks, SYSTEM))
 
-    def begin(self, amplitude: Triple, unit: int, delay: tuple[int, int, int], samples: int) -> None:
+    def start(self, amplitude: Triple, unit: int, delay: tuple[int, int, int], samples: int) -> None:
         """Starts the application anew and requests a 3-2-1-1 signal, which comes with the next step.
 
         Args:

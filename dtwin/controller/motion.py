@@ -59,7 +59,7 @@ class MotionController:
         self._inputs: dict[str, float | int] = {}
         self._carries = False
 
-    def begin(
+    def start(
         self, theta: Triple, goal: Goal, settings: ControlSettings, *, carries: bool = False, omega: Triple = STILL
     ) -> Triple:
         """Starts a path with its first sample; the blocks keep no state of earlier motions.

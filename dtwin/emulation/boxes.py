@@ -81,7 +81,7 @@ class Arrivals:
         """Plant time at which the next box arrives, s."""
         return self.hundredths / 100
 
-    def take(self) -> Box:
+    def next_box(self) -> Box:
         """The box that arrives, after which the next one comes."""
         box = self.coming
         self.hundredths += round(100 * self._boxes.every * self._generator.random())
@@ -129,7 +129,7 @@ class Deliveries:
         """Lets a box be brought at a time behind all others; None takes away the one that waits then."""
         self._waiting.append((hundredths, box))
 
-    def take(self) -> Box | None:
+    def next_box(self) -> Box | None:
         """The box that is brought now."""
         return self._waiting.popleft()[1]
 
@@ -214,7 +214,7 @@ class Boxes:
 
     def arrive(self, time: float) -> Event:
         """Lets the next box arrive at a plant time (s); it is turned away when another one waits."""
-        box = self._arrivals.take()
+        box = self._arrivals.next_box()
         if box is None:
             self.waiting = None
             return Event(time, EventKind.TAKEN_AWAY, "the box that waited was taken away")

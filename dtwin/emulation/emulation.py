@@ -186,7 +186,7 @@ class Emulation:
         added = np.array(errors) if errors else _EXACT[:ticks]
         return Free(*stepping, substeps, plant.steps, self._due, rate, plant.payload, plant.limits, added)
 
-    def went(self, ticks: int, last: NDArray[np.float64]) -> None:
+    def adopt_ticks(self, ticks: int, last: NDArray[np.float64]) -> None:
         """Goes on where somebody has moved the plant to with what `free` gave.
 
         Args:
@@ -197,7 +197,7 @@ class Emulation:
         self._encoders.skip(ticks - 1, [*numbers[6:9], numbers[16]])
         v1, v2, v3, v4 = numbers[12:16]
         self._commanded = (v1, v2, v3, v4)
-        self._plant.went(ticks * self._plant.whole_steps(PERIOD))
+        self._plant.note_steps(ticks * self._plant.whole_steps(PERIOD))
         self._sequence += ticks
         if self._plant.steps >= self._due:
             self._change_due()

@@ -269,7 +269,7 @@ class Plant:
         """Largest sum of absolute commands (V), largest sum of the state, and angles of the gripper's stops (rad)."""
         return np.array([_COMMAND_LIMIT, _SUM_LIMIT, self._closed, self._opened])
 
-    def went(self, steps: int) -> None:
+    def note_steps(self, steps: int) -> None:
         """Takes note of steps that somebody else made with `stepping`."""
         self.steps += steps
         self._read()

@@ -51,7 +51,7 @@ class SignalCollector:
         """Whether the whole signal has been collected."""
         return self.done == self.samples and bool(self._ticks) and self._ticks[-1][0].sequence >= self._last
 
-    def take(self, message: Sensors | Voltages | Acted) -> None:
+    def add(self, message: Sensors | Voltages | Acted) -> None:
         """Takes a message, as long as the signal is not complete.
 
         Raises:
@@ -59,7 +59,7 @@ class SignalCollector:
         """
         if isinstance(message, Voltages) and self.done < self.samples:
             self._command(message)
-        for tick in self._incoming.take(message):
+        for tick in self._incoming.add(message):
             self._tick(tick)
 
     def _command(self, command: Voltages) -> None:

@@ -31,7 +31,7 @@ class OperatingData:
     def __init__(self) -> None:
         self._ticks: deque[Tick] = deque(maxlen=MEMORY)
 
-    def take(self, ticks: Iterable[Tick]) -> None:
+    def extend(self, ticks: Iterable[Tick]) -> None:
         """Takes ticks, oldest first."""
         for tick in ticks:
             if self._ticks and tick[0].sequence <= self._ticks[-1][0].sequence:

@@ -261,14 +261,14 @@ class Control:
         """
         self._line.check_assignment(assignment)
         for place, zone in enumerate(self._line.zones):
-            if not self._told(zone, assignment):
+            if not self._send_assignment(zone, assignment):
                 for other in self._line.zones[:place]:
-                    self._told(other, self._assignment)
+                    self._send_assignment(other, self._assignment)
                 return False
         self._assignment = assignment
         return True
 
-    def _told(self, zone: ZonePlan, assignment: Assignment) -> bool:
+    def _send_assignment(self, zone: ZonePlan, assignment: Assignment) -> bool:
         """Tells a zone; whether it takes it."""
         names = [station.name for station in zone.stations]
         stations = [assignment[operation.name] for operation in self._line.operations]

@@ -211,7 +211,7 @@ class Plant:
         if not slot:
             return
         if vehicle.action == LOAD and not vehicle.box:
-            vehicle.box = self._take(zone, slot)
+            vehicle.box = self._remove_box(zone, slot)
             kind = "loaded"
         elif vehicle.action != LOAD and vehicle.box and self._put(zone, slot, vehicle.box):
             kind = "unloaded"
@@ -231,7 +231,7 @@ class Plant:
             return self.line.entry(number) if slot == ENTRY else self.line.exit(number)
         return zone.stations[(slot - 3) // 2].name
 
-    def _take(self, zone: ZonePlan, slot: int) -> int:
+    def _remove_box(self, zone: ZonePlan, slot: int) -> int:
         """Takes a box out of a slot; its number, 0 for none."""
         number = self.line.zones.index(zone)
         if slot == ENTRY and number == 0:

@@ -122,7 +122,7 @@ def _impossible(rows: Rows) -> None:
         name, joint, row = worst
         raise rows.refuse(name, joint, row, f"expected numbers below {_IMPOSSIBLE:g} in SI units: is the unit right?")
     if bad.any():
-        rows.told("rows with impossible numbers are left out", True, bad)
+        rows.note("rows with impossible numbers are left out", True, bad)
         rows.keep(~bad)
 
 
@@ -137,7 +137,7 @@ def _misplaced(rows: Rows) -> None:
     away[-(_NEIGHBOURS // 2) :] = np.abs(t - np.median(t[-_NEIGHBOURS:]))[-(_NEIGHBOURS // 2) :]
     bad = away > _OUT_OF_PLACE * _NEIGHBOURS * usual
     if usual and bad.any():
-        rows.told("rows with stamps out of place are left out", True, bad)
+        rows.note("rows with stamps out of place are left out", True, bad)
         rows.keep(~bad)
 
 
@@ -147,7 +147,7 @@ def _time(rows: Rows) -> None:
     back = np.diff(t, prepend=t[:1]) < 0.0
     restart = back & (t < t[0] + 0.25 * (np.maximum.accumulate(t) - t[0]))
     if 0.0 < restart.mean() < repairs.FEW and not rows.map.episode:
-        rows.told("stamps begin again: taken as new episodes", True, restart)
+        rows.note("stamps begin again: taken as new episodes", True, restart)
         rows.arrays["episode"] = episode = np.cumsum(restart).astype(float)
     kept = np.ones(len(t), dtype=bool)
     for number in np.unique(episode):
@@ -157,9 +157,9 @@ def _time(rows: Rows) -> None:
     late = ~kept
     repeated = late & (np.diff(t, prepend=-np.inf) == 0.0)
     if repeated.any():
-        rows.told("stamps repeat: the later rows are left out", True, repeated)
+        rows.note("stamps repeat: the later rows are left out", True, repeated)
     if (late & ~repeated).any():
-        rows.told("stamps go back: the rows are left out", True, late & ~repeated)
+        rows.note("stamps go back: the rows are left out", True, late & ~repeated)
     if late.mean() > _LOST:
         raise RecordingError(
             f"{rows.source}: column {rows.map.time}, row {rows.row[np.argmax(late)]}: expected rising stamps, got "
@@ -176,7 +176,7 @@ def _time(rows: Rows) -> None:
         )
     jitter = np.abs(steps / usual - 1.0) > 0.2
     if jitter.mean() > 0.05:
-        rows.told(
+        rows.note(
             f"stamps jitter: {steps.min():.3g} to {np.percentile(steps, 99):.3g} s apart, brought to {usual:.3g} s",
             True,
         )
@@ -191,7 +191,7 @@ def _finished(rows: Rows, arm: Arm | None) -> Measurement:
     gap = (steps > repairs.GAP * usual) & ~new
     apart = gap | (arrays[jumps.APART][1:] > 0.0)
     if gap.any():
-        rows.told(f"gaps of up to {steps[gap].max():.3g} s: each side counts by itself", True, np.append(gap, False))
+        rows.note(f"gaps of up to {steps[gap].max():.3g} s: each side counts by itself", True, np.append(gap, False))
     names = _short(rows.map.position.columns) if arm is None else tuple(joint.name for joint in arm.joints)
     kind: Effort | None = None
     if (role := rows.map.effort) is not None and role.unit:

@@ -34,7 +34,7 @@ def wraps(rows: Rows) -> None:
         if (wrapped := sizes > 0.0).any():
             values[1:] -= np.cumsum(np.sign(change) * sizes)
             what = "jumps of a counter that begins again are taken out"
-            rows.told(what, True, _at(wrapped), rows.name(name, joint))
+            rows.note(what, True, _at(wrapped), rows.name(name, joint))
 
 
 def jumps(rows: Rows) -> None:
@@ -43,7 +43,7 @@ def jumps(rows: Rows) -> None:
     for name, joint, _, change, far in _far(rows):
         size = np.abs(change[far]).max()
         what = f"a position jumps by {size:.3g} from one row to the next: each side counts by itself"
-        rows.told(what, False, _at(far), rows.name(name, joint))
+        rows.note(what, False, _at(far), rows.name(name, joint))
         rows.arrays[APART][1:][far] = 1.0
 
 

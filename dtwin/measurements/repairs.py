@@ -86,7 +86,7 @@ def missing(rows: Rows) -> None:
             text = "missing values are drawn through" if not long.any() else "missing values are left out as a gap"
             if every > 1:
                 text = f"values come every {every} rows and are drawn through"
-            rows.told(text, True, bad, rows.name(name, joint))
+            rows.note(text, True, bad, rows.name(name, joint))
     if gone.any():
         rows.keep(~gone)
 
@@ -121,7 +121,7 @@ def turns(rows: Rows, arm: Arm | None) -> None:
             jumps = np.abs(np.abs(np.diff(values, prepend=values[:1])) - turn) < 0.2 * turn
             jumps &= np.diff(rows.arrays["episode"], prepend=rows.arrays["episode"][0]) == 0.0
             if jumps.any():
-                rows.told("jumps by a turn are taken out", True, jumps, rows.name(name, joint))
+                rows.note("jumps by a turn are taken out", True, jumps, rows.name(name, joint))
                 steps = np.where(jumps, -np.sign(np.diff(values, prepend=values[:1])) * turn, 0.0)
                 rows.arrays[name][:, joint] = values + np.cumsum(steps)
 
@@ -140,7 +140,7 @@ def spikes(rows: Rows) -> None:
             spike = (away > _SPIKE * usual) & (away > 3.0 * spread)
             spike[[0, -1]] = False
             if spike.any():
-                rows.told("single values far from their neighbours are left out", True, spike, rows.name(name, joint))
+                rows.note("single values far from their neighbours are left out", True, spike, rows.name(name, joint))
                 bad |= spike
     if bad.any():
         rows.keep(~bad)
@@ -153,14 +153,14 @@ def frozen(rows: Rows) -> None:
     for joint, values in enumerate(rows.arrays["position"].T):
         same = np.diff(values, prepend=np.nan) == 0.0
         if _stands(values):
-            rows.told("the joint never moves: nothing can be said of it", False, None, rows.name("position", joint))
+            rows.note("the joint never moves: nothing can be said of it", False, None, rows.name("position", joint))
             continue
         least = max(5, int(_FROZEN / max(float(np.median(np.diff(t))), 1e-6)))
         long = _runs(same, least)
         for start, stop in _spans(long):
             bad[start:stop] |= _travelled(rows, joint, start, stop) > max(_MISSED * np.ptp(values), _LEAST_MISSED)
     if bad.any():
-        rows.told("a position stands still while the joint moves: the rows are left out as a gap", True, bad)
+        rows.note("a position stands still while the joint moves: the rows are left out as a gap", True, bad)
         rows.keep(~bad)
 
 
@@ -201,12 +201,12 @@ def clipped(rows: Rows) -> None:
             near = np.abs(values - limit) < max(0.02 * np.ptp(values), 1.5 * _quantum(values))
             cut = _runs(at, least)
             if cut.any() and len(np.unique(values)) > _LEVELS and at.sum() > _PILED * (near & ~at).sum():
-                rows.told(
+                rows.note(
                     f"effort is cut off at {limit:.4g}: the rows are left out", True, cut, rows.name("effort", joint)
                 )
                 bad |= at
         if values.std() == 0.0:
-            rows.told("the effort never changes: nothing can be said of it", False, None, rows.name("effort", joint))
+            rows.note("the effort never changes: nothing can be said of it", False, None, rows.name("effort", joint))
     if bad.any():
         rows.keep(~bad)
 
@@ -258,10 +258,10 @@ def velocities(rows: Rows) -> None:
             doubtful.append(rows.name("velocity", joint))
     if late:
         names = ", ".join(late)
-        rows.told(f"velocities are later than the positions ({names}): positions are differentiated instead", True)
+        rows.note(f"velocities are later than the positions ({names}): positions are differentiated instead", True)
     if doubtful:
         names = ", ".join(doubtful)
-        rows.told(f"velocities do not follow the positions ({names}): positions are differentiated instead", True)
+        rows.note(f"velocities do not follow the positions ({names}): positions are differentiated instead", True)
     if late or doubtful:
         del rows.arrays["velocity"]
 
@@ -325,7 +325,7 @@ def held(rows: Rows) -> None:
             rows.arrays[name][:, joint] = np.interp(when, when[knots], column[knots])
     for every, columns in told.items():
         what = f"values come every {every} rows, {1.0 / (every * usual):.3g} times a second, and repeat until then"
-        rows.told(f"{what} ({', '.join(columns)}): they are drawn through", True, repeats)
+        rows.note(f"{what} ({', '.join(columns)}): they are drawn through", True, repeats)
 
 
 def _renewed(frames: Array, breaks: NDArray[np.bool_], usual: float) -> tuple[NDArray[np.intp], int]:
@@ -362,7 +362,7 @@ def limits(rows: Rows, arm: Arm | None) -> None:
             raise rows.refuse("position", joint, row, f"{expected}: is the unit right?")
         if beyond.any():
             name = rows.name("position", joint)
-            rows.told("positions beyond the joint's limits: the rows are left out", True, beyond, name)
+            rows.note("positions beyond the joint's limits: the rows are left out", True, beyond, name)
             bad |= beyond
     if bad.any():
         rows.keep(~bad)

@@ -29,7 +29,7 @@ class Rows:
     def name(self, quantity: str, joint: int) -> str:
         return self.map.roles()[quantity].columns[joint]
 
-    def told(self, what: str, repaired: bool, where: NDArray[np.bool_] | None = None, column: str = "") -> None:
+    def note(self, what: str, repaired: bool, where: NDArray[np.bool_] | None = None, column: str = "") -> None:
         first, count = (-1, 0) if where is None else (int(self.row[np.argmax(where)]), int(where.sum()))
         self.odd.append(Oddity(what, repaired, column, first, count))
 

@@ -310,7 +310,7 @@ def _pass(belief: Belief, seen: Stream) -> _Lacking:
         if row == 0 or seen.sample[row] != seen.sample[row - 1] + 1 or not finite[row - 1 : row + 1].all():
             followed = -1
         if followed < 0 and finite[row]:
-            estimator.begin(seen.measured[row], bool(seen.gripped[row]))
+            estimator.initialise(seen.measured[row], bool(seen.gripped[row]))
             followed, swing = 0, np.zeros(3)
         elif followed >= 0:
             volts, gripped = seen.volts[row - 1], bool(seen.gripped[row - 1])

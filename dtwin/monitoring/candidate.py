@@ -176,7 +176,7 @@ class Candidate:
             self.follow(moment)
 
     @property
-    def told(self) -> FaultId:
+    def isolated(self) -> FaultId:
         """What it amounts to so far: what has changed to nothing is a fault of another kind."""
         if self._told is None:
             state, none = str(self.fault), self.fault.about.none
@@ -188,7 +188,7 @@ class Candidate:
     @property
     def faults(self) -> tuple[FaultId, ...]:
         """All that it amounts to so far."""
-        return (self.fault, self.other) if self.other else (self.told,)
+        return (self.fault, self.other) if self.other else (self.isolated,)
 
     @property
     def cause(self) -> tuple[str, ...]:

@@ -194,7 +194,7 @@ class Diagnosis:
                 break
             if candidate.includes(top):
                 continue
-            found.append((candidate.told, probability))
+            found.append((candidate.isolated, probability))
             total += probability
         return tuple(found)
 
@@ -247,7 +247,7 @@ class Diagnosis:
         If none does, and what was found never did, all that is known is that the joint does not move.
         """
         ranked = self.ranked()
-        top, told = ranked[0][0], [(each.told, probability) for each, probability in ranked]
+        top, told = ranked[0][0], [(each.isolated, probability) for each, probability in ranked]
         explained = top.worst <= self._misfit
         least = top.gain - _HOPELESS * self._temper if explained else -math.inf
         stops = [each for each in self.candidates if each.fault.kind == FREEZE and each.gain >= least]
@@ -256,7 +256,7 @@ class Diagnosis:
         stop = max(stops, key=lambda each: each.gain)
         if not explained and self._lately:
             before, probability, others = self._lately[0]
-            told = [(before.told, probability), *others]
+            told = [(before.isolated, probability), *others]
         probability = sum(probability for fault, probability in told if fault == stop.fault)
         others = tuple(each for each in told if each[0] != stop.fault)
         if probability >= 1.0 - SURE:
@@ -374,7 +374,7 @@ class Diagnosis:
 
 def _on_one_matter(conclusion: Conclusion) -> float:
     """Probability of what a diagnosis comes to and of its other causes that tell of the same matter."""
-    told, others = conclusion.candidate.told, conclusion.others
+    told, others = conclusion.candidate.isolated, conclusion.others
     return conclusion.probability + sum(share for fault, share in others if _one_matter(fault, told))
 
 

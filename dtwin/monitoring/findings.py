@@ -131,7 +131,7 @@ class Findings:
         changes = candidate.changes()
         first = self._relative if candidate.other else lambda _, change: change.certainty
         state = max(changes, key=lambda name: first(name, changes[name]), default="")
-        found = self._told(candidate, state, probability, detected)
+        found = self._finding(candidate, state, probability, detected)
         if found.fault.kind == SLIP and self._stirred(found.since):
             more = sum(share for fault, share in others if fault.about.on_box)
             found = msgspec.structs.replace(found, confidence=min(found.confidence + more, 1.0))
@@ -146,7 +146,7 @@ class Findings:
         else:
             states = sorted(changes := candidate.changes(), key=lambda name: -self._relative(name, changes[name]))
             sure = [name for name in states if _is_sure(changes[name])] or states[:1]
-            told = [self._told(candidate, name, pending.confidence, pending.detected) for name in sure]
+            told = [self._finding(candidate, name, pending.confidence, pending.detected) for name in sure]
         named = {found.parameter for found in told}
         instead = tuple(name for name in pending.others if name not in named)
         settled = [msgspec.structs.replace(found, others=instead) for found in told]
@@ -156,7 +156,7 @@ class Findings:
         boxes, loose = any(each.boxes for each in after), any(each.loose for each in after)
         return Consequences(forget, boxes, jumped[0] if jumped else "", loose)
 
-    def _told(self, candidate: Candidate, state: str, probability: float, detected: float) -> Finding:
+    def _finding(self, candidate: Candidate, state: str, probability: float, detected: float) -> Finding:
         """What a candidate amounts to by the change of one state, "" for none."""
         fault, size, deviation = candidate.fault, 0.0, 0.0
         if state:

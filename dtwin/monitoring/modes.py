@@ -191,7 +191,7 @@ class Probation:
         """Whether the model has explained enough motion."""
         return self.moved >= PROVEN
 
-    def take(self, estimator: Estimator, used: NDArray[np.bool_], counts: bool) -> None:
+    def update(self, estimator: Estimator, used: NDArray[np.bool_], counts: bool) -> None:
         """Takes in what the estimator made of a sample: which readings were used, (3,), and whether they count."""
         self.moved += _moves(estimator)
         if counts:

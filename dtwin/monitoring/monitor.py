@@ -17,8 +17,8 @@ from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.findings import Findings
 from dtwin.monitoring.kinds import JUMPS, PUSH, UNKNOWN, FaultId, plausible_sizes
 from dtwin.monitoring.modes import Diagnosing, Lost, Mode, Probation, Settling, Turn, Turns, Unfit, Watching, settling
-from dtwin.monitoring.sensing.commands import commands_between, tells
-from dtwin.monitoring.sensing.listening import Listening, hear, replay
+from dtwin.monitoring.sensing.commands import all_finite, commands_between
+from dtwin.monitoring.sensing.listening import Listening, replay, with_noise
 from dtwin.monitoring.sensing.readings import Readings
 from dtwin.monitoring.sensing.stopped import StandsStill, Stopped, repeating, stands_still
 from dtwin.monitoring.settings import MonitorSettings
@@ -93,11 +93,11 @@ class Monitor:
             jaw: reading of the gripper's encoder, rad; not a number where there is none.
         """
         track, gap = self._track, sample - self.sample
-        if track.gripper.take(sample, jaw, float(volts[3])):
+        if track.gripper.update(sample, jaw, float(volts[3])):
             self.findings.grip(sample * PERIOD)
-        if not (tells(measured) and tells(volts)):
+        if not (all_finite(measured) and all_finite(volts)):
             return  # what says nothing has not arrived; the next sample counts it as missing
-        angles = self._readings.take(measured)
+        angles = self._readings.update(measured)
         bridged = gap == 1 or (1 < gap <= BRIDGED + 1 and gripped == track.gripped)
         if self.sample < 0 or not bridged:
             self._restart(sample, measured, gripped, gap)
@@ -235,11 +235,11 @@ class Monitor:
         self._track.moments.clear()
         if self.estimator.gripped and not gripped:
             self.findings.put_down(self.time).apply(self.estimator, self.trend)
-        self._begin(measured, gripped)
+        self._initialise(measured, gripped)
 
-    def _begin(self, measured: Array, gripped: bool) -> None:
+    def _initialise(self, measured: Array, gripped: bool) -> None:
         """Estimates the motion anew; what is wrong with the arm already may have begun with it."""
-        self.estimator.begin(measured, gripped)
+        self.estimator.initialise(measured, gripped)
         self._bank.clear()
         self._bank.note(self.estimator, self.sample)
         unheard = self._listening.left if self._listening else 0
@@ -250,7 +250,7 @@ class Monitor:
         track, estimator = self._track, self.estimator
         regripped = track.gripped != estimator.gripped
         trusted = isinstance(self._mode, Watching | Settling) and not track.readings.unheard
-        moment = track.take(estimator, measured, arrived, command, doubt, trusted)
+        moment = track.step(estimator, measured, arrived, command, doubt, trusted)
         if arrived:
             known = self._listening is None and self._probation.passed and not self._misfit
             self.findings.read(self.time, track.readings, known)
@@ -274,7 +274,7 @@ class Monitor:
             else:
                 self.findings.put_down(self.time).apply(estimator, self.trend)
         if not self._probation.passed:
-            self._probation.take(estimator, used, counts)
+            self._probation.update(estimator, used, counts)
         match self._mode:
             case Settling(left, known, begun, then):
                 left -= 1
@@ -299,16 +299,16 @@ class Monitor:
 
     def _listen(self, used: Flags) -> None:
         """Judges the noise by the first samples at rest; if it is not as believed, all since is looked at again."""
-        if self._listening is None or not self._listening.take(self.estimator, used):
+        if self._listening is None or not self._listening.update(self.estimator, used):
             return
         if isinstance(self._mode, Settling):
             self._mode = self._mode.then
-        belief = hear(self._belief, self.settings.tuning, self._track.moments, self._listening)
+        belief = with_noise(self._belief, self.settings.tuning, self._track.moments, self._listening)
         self._listening = None
         if belief is not self._belief:
             self._belief, self.estimator = belief, Estimator(belief, self.settings.tuning)
             self._readings.expect_tails(belief.clip)
-            self._track.moments.take(replay(self.estimator, self._track.moments, self._bank, self.sample))
+            self._track.moments.replace(replay(self.estimator, self._track.moments, self._bank, self.sample))
         if self._bank.exceeds(self.threshold):
             self._probation.moved = 0
 
@@ -354,13 +354,13 @@ class Monitor:
         self.findings.doubt()
         self.estimator = lost.sound.copy()
         self._mode = lost
-        self._begin(self._readings.last, self._track.gripped)
+        self._initialise(self._readings.last, self._track.gripped)
 
     def _start_over(self) -> None:
         """Knows nothing but the model again."""
         self.estimator = Estimator(self._belief, self.settings.tuning)
         self._track.moments.clear()
-        self._begin(self._readings.last, self._track.gripped)
+        self._initialise(self._readings.last, self._track.gripped)
 
     def _decide(self, diagnosis: Diagnosis, pending: Finding | None) -> None:
         """Updates the finding under diagnosis, and adopts the winner once it is settled."""
@@ -387,7 +387,7 @@ class Monitor:
         before, over = candidate.onset.estimator, candidate.fault.kind == PUSH
         self.estimator = before.copy() if over else candidate.estimator
         if over or candidate.sample < self.sample:
-            self._begin(self._readings.last, self._track.gripped)
+            self._initialise(self._readings.last, self._track.gripped)
         faults = () if over else candidate.faults
         self._turns.enter(Turn(self.sample, pending.detected, before, dict(self.findings.current), faults))
         self.findings.settle(self.time, candidate, pending).apply(self.estimator, self.trend)

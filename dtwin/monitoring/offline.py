@@ -128,13 +128,13 @@ def watch(monitor: Monitor, seen: Stream, progress: Callable[[int], None] = lamb
         if row % SECOND == 0 or len(monitor.events) != noticed:
             noticed = len(monitor.events)
             verdict = monitor.verdict()
-            if not verdicts or _told(verdict) != _told(verdicts[-1][1]):
+            if not verdicts or _content(verdict) != _content(verdicts[-1][1]):
                 verdicts.append((row, verdict))
             progress(done)
     predicted, deviation = seen.measured - tape.innovation, np.sqrt(tape.variance)
     return Trace(predicted, deviation, tape.statistic, monitor.threshold, tuple(verdicts), of_monitor(monitor.events))
 
 
-def _told(verdict: MonitoringVerdict) -> list[tuple[object, ...]]:
+def _content(verdict: MonitoringVerdict) -> list[tuple[object, ...]]:
     """What must change for a verdict to be another one; sizes are refined all the time."""
     return [(unit.state, unit.parameter, unit.settled) for unit in verdict.units.values()]

@@ -20,7 +20,17 @@ from numpy.typing import NDArray
 from dtwin.monitoring.estimation.belief import Belief, Tail
 from dtwin.monitoring.estimation.estimator import Estimator, Past
 from dtwin.monitoring.estimation.layout import PAYLOAD
-from dtwin.monitoring.estimation.traces import NONE, ONSETS, WIDTH, Traces, begin, by_onset, exceed, largest, take
+from dtwin.monitoring.estimation.traces import (
+    NONE,
+    ONSETS,
+    WIDTH,
+    Traces,
+    accumulate,
+    by_onset,
+    exceed,
+    largest,
+    place_onset,
+)
 from dtwin.monitoring.kinds import BIAS, DRIFT, JUMPS, SCALE, FaultId, parse_fault_id
 from dtwin.monitoring.settings import MonitorSettings
 
@@ -175,7 +185,7 @@ class SignatureBank:
             sample: number of the sample.
             counts: whether it is evidence.
         """
-        place = take(*self.traces, *estimator.evidence(), used, fresh, sample, counts)
+        place = accumulate(*self.traces, *estimator.evidence(), used, fresh, sample, counts)
         self._estimators[place] = partial(_itself, estimator.copy())
 
     def recall(self, estimator: Estimator, joint: int, sample: int) -> None:
@@ -188,7 +198,7 @@ class SignatureBank:
     def note(self, estimator: Estimator, sample: int) -> None:
         """Takes this sample for an onset."""
         t = self.traces
-        place = begin(t.E, t.h, t.J, t.at_once, t.rows, t.samples, t.order, t.gaps, sample)
+        place = place_onset(t.E, t.h, t.J, t.at_once, t.rows, t.samples, t.order, t.gaps, sample)
         self._estimators[place] = partial(_itself, estimator.copy())
 
     def room(self, estimator: Estimator) -> Past:

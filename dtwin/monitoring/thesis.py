@@ -121,7 +121,7 @@ class ThesisMonitor:
             self._advance()
         self.sample = sample
         if first or gripped != self._gripped:
-            self._begin(measured, gripped, colour if gripped else PICKUP_NAME)
+            self._initialise(measured, gripped, colour if gripped else PICKUP_NAME)
         else:
             self._volts[0] = self._controller.step(_triple(self.simulated))
         if sample % self._every == 0:
@@ -151,10 +151,10 @@ class ThesisMonitor:
         units = monitored_units(dict(zip(UNITS, states, strict=True)), self.standing())
         return MonitoringVerdict(self.time, units, (), (), self.missed, 0)
 
-    def _begin(self, measured: Array, gripped: bool, goal: str) -> None:
+    def _initialise(self, measured: Array, gripped: bool, goal: str) -> None:
         self._states[0, :3], self._states[0, 3:] = measured, 0.0
         self._payload[0] = self.settings.control.payload if gripped else 0.0
-        self._volts[0] = self._controller.begin(_triple(measured), goal, self.settings.control, carries=gripped)
+        self._volts[0] = self._controller.start(_triple(measured), goal, self.settings.control, carries=gripped)
         self._gripped = gripped
 
     def _advance(self) -> None:

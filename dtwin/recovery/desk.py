@@ -82,7 +82,7 @@ class Desk:
         stopped: whether the operator has stopped the arm.
         tripped: event with which the blocks stopped the arm by themselves, None while they have not.
         late: ticks by which commands are known to act later than they did.
-        hear: told every event, whatever is being waited for.
+        on_event: called with every event, whatever is being waited for.
     """
 
     def __init__(
@@ -104,7 +104,7 @@ class Desk:
         self._unheard = math.inf
         self.tripped: Event | None = None
         self.late = 0.0
-        self.hear: Callable[[Event], None] = lambda event: None
+        self.on_event: Callable[[Event], None] = lambda event: None
         self.bus = bus
         self._over = over
         self._progress = progress
@@ -252,7 +252,7 @@ class Desk:
             self._progress(self.time)
         if isinstance(message, Event):
             self._note_stop(message)
-            self.hear(message)
+            self.on_event(message)
         if isinstance(message, MonitoringVerdict):
             self.findings = {found.parameter: found for found in message.findings if found.settled}
             open_ones = (parse_fault_id(found.parameter) for found in message.findings if not found.settled)

@@ -111,7 +111,7 @@ class Measures:
             "margins": self._stand_delay,
         }
 
-    def begin(self) -> float:
+    def put_into_force(self) -> float:
         """Puts the model of the healthy arm into force, asks what to expect of it, and returns since when, s."""
         model = self._arm if self._record is None else controllable(self._record)
         in_force = self._desk.settings()
@@ -126,7 +126,7 @@ class Measures:
         self._reference = self._expect(PredictionRequest(arm=self._arm))
         return self._reference
 
-    def take(self, measure: Measure, found: Sequence[MonitoredUnit]) -> Taken:
+    def carry_out(self, measure: Measure, found: Sequence[MonitoredUnit]) -> Taken:
         """Takes a measure against findings that ask for it."""
         return self._take[measure](found)
 

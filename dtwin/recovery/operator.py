@@ -62,7 +62,7 @@ class Operator:
         desk: place at the bus of the cell.
         measures: measures at that cell, which have begun.
         propose: has a person decide about a measure against findings; the operator takes it itself if None. What is
-            approved comes by `take`. A stop waits for nobody.
+            approved comes by `carry_out`. A stop waits for nobody.
         look: called after every verdict.
 
     Attributes:
@@ -90,7 +90,7 @@ class Operator:
 
     def watch(self) -> None:
         """Answers all that is found, until the arm is stopped or the time of the desk is over."""
-        self._desk.hear = self._hear
+        self._desk.on_event = self._on_event
         while not self._desk.stopped:
             try:
                 self._listen()
@@ -114,11 +114,11 @@ class Operator:
                 self._measures.follow_boxes()
                 self._look()
 
-    def _hear(self, event: Event) -> None:
+    def _on_event(self, event: Event) -> None:
         """Tells of a push, which is over by then, also while something else is being answered."""
         if event.kind == MONITOR + PUSH and not self._desk.stopped:
             self._say_why(PUSH, answer_to(parse_fault_id(PUSH)))
-            self._begin("go on", (PUSH,))
+            self._add_step("go on", (PUSH,))
 
     def _new(self) -> dict[str, MonitoredUnit]:
         """Findings that nobody has dealt with, by what they name; one that was noticed at another time is another."""
@@ -156,13 +156,13 @@ class Operator:
         self.findings += found
         self._say_why(" and ".join(names), answer_to(parse_fault_id(names[0])))
         if measure == "go on":
-            self._begin(measure, names)
+            self._add_step(measure, names)
         elif self._propose is not None:
             self._propose(measure, found)
         else:
-            self._take(measure, found)
+            self._carry_out(measure, found)
 
-    def take(self, names: Sequence[str], who: str, reason: str) -> str:
+    def carry_out(self, names: Sequence[str], who: str, reason: str) -> str:
         """Answers findings as a person has approved, and tells what came of it.
 
         Args:
@@ -186,7 +186,7 @@ class Operator:
             return answer_to(parse_fault_id(names[0])).why
         self._dealt |= {unit.parameter: unit.detected for unit in found}
         with self._desk.on_behalf(who, reason):
-            return self._take(measure, found)
+            return self._carry_out(measure, found)
 
     def forget(self, names: Sequence[str]) -> None:
         """Lets findings that stand be answered once more."""
@@ -198,12 +198,12 @@ class Operator:
         self._dealt |= {name: unit.detected for name, unit in self._desk.findings.items()}
         return list(self._desk.findings)
 
-    def _take(self, measure: Measure, found: Sequence[MonitoredUnit]) -> str:
+    def _carry_out(self, measure: Measure, found: Sequence[MonitoredUnit]) -> str:
         """Takes a measure against findings, and tells what came of it."""
         fault = parse_fault_id(found[0].parameter)
-        step = self._begin(measure, tuple(unit.parameter for unit in found))
+        step = self._add_step(measure, tuple(unit.parameter for unit in found))
         try:
-            taken = self._measures.take(measure, found)
+            taken = self._measures.carry_out(measure, found)
         except TooWeak as weak:
             return self._stop(found, f"{fault.where}: {weak}", order(fault))
         except DoubtfulFinding as doubt:
@@ -243,7 +243,7 @@ class Operator:
             self._dealt.pop(name, None)
         self._desk.stop(arm_state(parse_fault_id(names[0])), f"{why}: {todo}")
         self._dealt |= {unit.parameter: unit.detected for unit in found}
-        self._begin("stop", names)
+        self._add_step("stop", names)
         return f"the arm is stopped: {why}: {todo}"
 
     def _halt(self, found: MonitoredUnit) -> None:
@@ -265,7 +265,7 @@ class Operator:
         except CommunicationError as error:
             self._complain(error)
         else:
-            self._begin("stop", names)
+            self._add_step("stop", names)
 
     def _complain(self, error: Exception) -> None:
         self.trouble = str(error)
@@ -275,7 +275,7 @@ class Operator:
         todo = f"; for a person: {answer.order}" if answer.measure == "go on" and answer.order else ""
         self._desk.say(f"{what} asks for {answer.measure}: {answer.why}{todo}")
 
-    def _begin(self, measure: Measure, names: tuple[str, ...]) -> int:
+    def _add_step(self, measure: Measure, names: tuple[str, ...]) -> int:
         """Writes a step down; its index."""
         self.steps.append(Step(self._desk.time, names, measure, _NOTHING))
         return len(self.steps) - 1

@@ -98,7 +98,7 @@ class Proposals:
         self.waiting.pop(proposal.number, None)
         reason = f"proposal {proposal.number} of {proposal.request.who}"
         try:
-            outcome = operator.take(proposal.request.parameters, proposal.by, reason)
+            outcome = operator.carry_out(proposal.request.parameters, proposal.by, reason)
         except (CriticalFinding, StoppedByController) as grave:
             self._report(proposal, f"interrupted: {grave}")
             raise

@@ -205,7 +205,7 @@ class CompiledTicks:
         )
         if done:
             self._log.extend(rows[:done], *box, gripped=emulation.gripped)
-            emulation.went(done, rows[done - 1])
+            emulation.adopt_ticks(done, rows[done - 1])
         if problem == LOST:
             raise DivergenceError("emulation", emulation.truth().time, plant.read.tolist())
         if problem == HANDED_OVER:

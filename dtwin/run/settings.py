@@ -23,7 +23,7 @@ from dtwin.emulation.machine.files import machine_from
 from dtwin.emulation.machine.sections import IDEAL, Machine
 from dtwin.errors import ModelError
 from dtwin.parameters import PHYSICS_STEP, ArmParameters
-from dtwin.task import DEFAULT_TASK, Task, told
+from dtwin.task import DEFAULT_TASK, Task, notes_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,14 +64,14 @@ def metadata(settings: CellSettings) -> dict[str, Any]:
         "noise_kind": settings.noise_kind,
         "faults": [str(fault) for fault in settings.faults],
         "arm": asdict(settings.arm),
-        "control": _told(settings.control),
+        "control": _notes(settings.control),
         "step": settings.step,
         **machine,
-        **told(settings.task),
+        **notes_of(settings.task),
     }
 
 
-def _told(control: ControlSettings) -> dict[str, Any]:
+def _notes(control: ControlSettings) -> dict[str, Any]:
     """Settings of a controller as JSON; the usual compensation and offsets of zero are not named."""
     values = asdict(control)
     if control.encoder_offset == NO_OFFSET:

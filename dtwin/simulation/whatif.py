@@ -300,7 +300,7 @@ class Simulator:
             sample = theta if encoders is None else _measure(encoders, theta)
             if not k:
                 goal = case.theta if resting else case.goal
-                volts = controller.begin(sample, goal, case.settings, carries=_carries(case), omega=case.omega)
+                volts = controller.start(sample, goal, case.settings, carries=_carries(case), omega=case.omega)
             elif k == resting:
                 volts = controller.go(sample, case.goal)
             else:

@@ -142,7 +142,7 @@ class _Cache(FunctionCache):
         """
         found = super().load_overload(sig, target_context)
         if found is None:
-            self._lock.take()
+            self._lock.acquire()
             found = super().load_overload(sig, target_context)
             if found is not None:
                 self._lock.release()
@@ -167,7 +167,7 @@ class _Lock:
         self._path = path
         self._file: int | None = None
 
-    def take(self) -> None:
+    def acquire(self) -> None:
         """Waits for the lock, but not for long; the caller may go on without it, and does what another does, too."""
         if self._file is not None:
             return

@@ -221,13 +221,13 @@ def log_events(stream: rr.RecordingStream, events: Sequence[Event]) -> None:
             EVENTS,
             indexes=[time_column([event.time for event in events])],
             columns=rr.TextLog.columns(
-                text=[_told(event) for event in events],
+                text=[_text(event) for event in events],
                 level=[_LEVELS.get(event.kind, rr.TextLogLevel.INFO) for event in events],
             ),
         )
 
 
-def _told(event: Event) -> str:
+def _text(event: Event) -> str:
     """The text of an event; that of an event of the monitor starts with its kind."""
     if event.kind.startswith(MONITOR):
         return f"monitor: {event.kind.removeprefix(MONITOR)}: {event.text}"

@@ -89,7 +89,7 @@ def meet(item: Work) -> Stranger:
     except IdentificationError as error:
         return Stranger(item.number, "unusable", (0.0, 0.0, 0.0), {}, [str(error)])
     truth, found = truth_of(machine, nominal), judged.found
-    away = {name: (found.values[name] - truth[name]) / found.deviations[name] for name in judged.told}
+    away = {name: (found.values[name] - truth[name]) / found.deviations[name] for name in judged.identified}
     first, second, third = judged.fit.tolist()
     return Stranger(item.number, judged.grade, (first, second, third), away, judged.remarks())
 

@@ -212,7 +212,7 @@ class _FaultRun:
             self.monitor.update(sensors.sequence, measured, command.box_gripped, sensors.box_colour)
         moving = max(map(abs, truth.omega)) > MOVING
         self.held = self.held + 1 if truth.payload_mass > 0 else 0
-        self._begin(truth.time, moving, truth.payload_mass)
+        self._mark_fault(truth.time, moving, truth.payload_mass)
         if self.began is not None and self.reported is None:
             self.moved += moving and (self.fault is None or self.fault.target != "payload" or self.held > 0)
         for event in self.monitor.events[events:]:
@@ -233,7 +233,7 @@ class _FaultRun:
         finished = self.ended is not None and now > self.ended + _AFTER
         return not finished and self.moved * PERIOD < self.trial.motion + CHUNK * PERIOD
 
-    def _begin(self, time: float, moving: bool, payload: float) -> None:
+    def _mark_fault(self, time: float, moving: bool, payload: float) -> None:
         """Notes when the fault is there: at its start, a payload's when a box is held."""
         if self.fault is None or self.awaited or self.began is not None:
             if self.fault is not None and self.fault.target == "payload" and payload:

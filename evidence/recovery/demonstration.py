@@ -112,7 +112,7 @@ def _played(desk: Desk, healthy: KnownArm, case: RecoveryCase) -> Story:
     operator = Operator(desk, measures)
     started = began = None
     try:
-        started = measures.begin()
+        started = measures.put_into_force()
         began = make_faults(desk, case)
         desk.end = began + LIMIT
         operator.watch()

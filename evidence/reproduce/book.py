@@ -210,7 +210,7 @@ class Reproduce(JsonOption, RuntimeOption, WorkforceOption):
         scope = Scope(self.quick, self.seed, self.workforce())
         ensure_folder(self.out)
         began = time.perf_counter()
-        with _told() as begin:
+        with _teller() as begin:
             numbers = make(self.out, scope, begin=begin)
         page = write(self.out, scope, numbers)
         seconds = time.perf_counter() - began
@@ -237,6 +237,6 @@ class _Teller:
 
 
 @contextmanager
-def _told() -> Iterator[_Teller]:
+def _teller() -> Iterator[_Teller]:
     with progress_bar("reproduce") as progress:
         yield _Teller(progress)

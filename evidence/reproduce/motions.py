@@ -124,7 +124,7 @@ def _upload(scope: Scope, progress: Progress) -> dict[str, Any]:
 def _tell_upload(numbers: Mapping[str, Any]) -> Chapter:
     poor, gains, model = numbers["phases"]
 
-    def told(phase: Sequence[Any]) -> str:
+    def phase_text(phase: Sequence[Any]) -> str:
         return f"{1e3 * max(phase[1]):.1f} mrad root mean square, {phase[3]} boxes delivered"
 
     lines = [
@@ -134,9 +134,9 @@ def _tell_upload(numbers: Mapping[str, Any]) -> Chapter:
             "60 s and 122 s",
             f"{GAINS_AT:g} s and {MODEL_AT:g} s, all {numbers['ticks']} ticks answered",
         ),
-        Line("5.12", "without gains", "pickup point not reached in 60 s", told(poor)),
-        Line("5.12", "with the gains of Table 5.1", "works, after a clear disturbance", told(gains)),
-        Line("5.12", "with the identified model too", "minor disturbance, no dramatic change", told(model)),
+        Line("5.12", "without gains", "pickup point not reached in 60 s", phase_text(poor)),
+        Line("5.12", "with the gains of Table 5.1", "works, after a clear disturbance", phase_text(gains)),
+        Line("5.12", "with the identified model too", "minor disturbance, no dramatic change", phase_text(model)),
     ]
     figure = new_figure(12, 5)
     axis = figure.subplots()

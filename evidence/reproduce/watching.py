@@ -136,7 +136,7 @@ def _failure(scope: Scope, progress: Progress) -> dict[str, Any]:
 
 
 def _tell_failure(numbers: Mapping[str, Any]) -> Chapter:
-    def told(method: str) -> str:
+    def latency_text(method: str) -> str:
         found = [value for value in numbers["latency"][method] if value is not None]
         runs = len(numbers["latency"][method])
         return (
@@ -152,9 +152,9 @@ def _tell_failure(numbers: Mapping[str, Any]) -> Chapter:
             "5.16",
             "failure detected, the thesis's method",
             "yes; the number is not given, at least 5 s after 45 s",
-            told("thesis"),
+            latency_text("thesis"),
         ),
-        Line("5.16", "failure detected, this project's monitor", "not there", told("default")),
+        Line("5.16", "failure detected, this project's monitor", "not there", latency_text("default")),
         Line(
             "5.17",
             "what the operator is told",

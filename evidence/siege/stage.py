@@ -72,7 +72,7 @@ class Stage:
         self._heard: set[str] = set()
         self._stack = contextlib.ExitStack()
         try:
-            self._begin()
+            self._start_up()
         except BaseException:
             self._stack.close()
             raise
@@ -85,7 +85,7 @@ class Stage:
     ) -> None:
         self._stack.close()
 
-    def _begin(self) -> None:
+    def _start_up(self) -> None:
         options = [] if self.setting == "default" else ["--zenoh", str(self.folder)]
         if self.setting != "default":
             self._configure()
@@ -104,7 +104,7 @@ class Stage:
         self.operator.subscribe(EVENTS, Event, self._events.append)
         self.operator.subscribe(SENSORS, Sensors, self._samples.append)
         self.operator.subscribe(STATUS, Status, self._note)
-        self.stranger.declare_subscriber(f"dtwin/{self.name}/**", self._hear)
+        self.stranger.declare_subscriber(f"dtwin/{self.name}/**", self._overhear)
         if not wait(lambda: len(self._samples) > 1 and self._refused.keys() >= {"bridge", "emulator"}, TIMEOUT):
             raise CommunicationError(f"the {self.setting} cell does not work")
 
@@ -137,7 +137,7 @@ class Stage:
         """The key of a topic of this cell."""
         return f"dtwin/{self.name}/arm/{topic}"
 
-    def _hear(self, sample: Any) -> None:
+    def _overhear(self, sample: Any) -> None:
         attachment = sample.attachment
         heard = self.overheard.setdefault(str(sample.key_expr), deque(maxlen=_HELD))
         heard.append((sample.payload.to_bytes(), b"" if attachment is None else attachment.to_bytes()))
@@ -187,13 +187,13 @@ class Stage:
         seen: list[bytes] = []
         key = f"dtwin/{self.name}/**" if topic == "**" else self.key(topic)
 
-        def take(query: Any) -> None:
+        def intercept(query: Any) -> None:
             seen.append(b"" if query.attachment is None else query.attachment.to_bytes())
             with contextlib.suppress(Exception):  # Zenoh may have cut him off.
                 reply(query)
 
         with self.session() as session:
-            session.declare_queryable(key, take, complete=True)
+            session.declare_queryable(key, intercept, complete=True)
 
             def is_asked() -> bool:
                 """The operator's session may not know of him yet."""

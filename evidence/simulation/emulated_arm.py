@@ -36,15 +36,15 @@ class EmulatedArm:
             self._plant.set_weight(case.payload)
         else:
             self._plant.set_payload(case.payload)
-        self._take(0)
+        self._record(0)
 
     def advance(self, tick: int, volts: Triple) -> Triple:
         """As `Arm.advance`. Raises DivergenceError when the state leaves the finite numbers."""
         self._plant.apply((*volts, 0.0))
         self._plant.advance(PERIOD)
-        self._take(tick + 1)
+        self._record(tick + 1)
         first, second, third, _ = self._encoders.measure(self._plant.sampled, self._plant.time)
         return first, second, third
 
-    def _take(self, row: int) -> None:
+    def _record(self, row: int) -> None:
         self.states[row] = (*self._plant.theta, *self._plant.omega)

@@ -43,7 +43,7 @@ class Observer:
         self._opinion = Opinion(FRESH, time.monotonic())
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._work, name="observer", daemon=True)
-        bus.subscribe(MONITORING, MonitoringVerdict, lambda verdict: self._opinion.take(verdict, time.monotonic()))
+        bus.subscribe(MONITORING, MonitoringVerdict, lambda verdict: self._opinion.update(verdict, time.monotonic()))
         bus.subscribe(SENSORS, Sensors, lambda sensors: self._opinion.sample(sensors.time, time.monotonic()))
 
     def __enter__(self) -> Observer:

@@ -102,7 +102,7 @@ class _Layout:
             if piece.is_comment:
                 self._comment(piece)
             elif not self._line and not self._broken:
-                self._begin(number, piece)
+                self._start_statement(number, piece)
             else:
                 self._continue(number, piece)
         self._flush()
@@ -153,7 +153,7 @@ class _Layout:
         self._broken = False
         self._head = ""
 
-    def _begin(self, number: int, piece: _Piece) -> None:
+    def _start_statement(self, number: int, piece: _Piece) -> None:
         """The first token of a statement."""
         text = piece.text
         closes = text in _ENDS or text in ("ELSE", "ELSIF", "UNTIL")

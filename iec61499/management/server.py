@@ -131,7 +131,7 @@ class ManagementServer:
             connection, resource, text = self._requests.popleft()
             if connection.open:
                 self._busy = True
-                self._begin(connection, resource, text)
+                self._start_request(connection, resource, text)
         self._serving = False
         answered, self._answered = self._answered, {}
         for connection in answered:
@@ -152,7 +152,7 @@ class ManagementServer:
         self._next_turn = None
         self._carry_out()
 
-    def _begin(self, connection: StreamConnection, resource: str, text: str) -> None:
+    def _start_request(self, connection: StreamConnection, resource: str, text: str) -> None:
         answer = partial(self._answer, connection, text)
         try:
             request = parse_request(text)

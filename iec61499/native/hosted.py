@@ -72,14 +72,14 @@ class HostedResource(NativeResource):
             if node.type is not None and is_hosted(node.type):
                 self._add(number, node)
         self._callback = _HOST(self._asked)
-        self._begin()
+        self._initialise()
 
     def _typed(self, name: str, result: Any, *arguments: Any) -> Any:
         function = self._function(f"{NAME}__{name}", result)
         function.argtypes = [ctypes.c_void_p, *arguments]
         return function
 
-    def _begin(self) -> None:
+    def _initialise(self) -> None:
         self._function(f"{NAME}__initialise", None)(self.address)
         self._typed("host", None, _HOST)(self.address, self._callback)
 
@@ -180,7 +180,7 @@ class HostedResource(NativeResource):
             assert kind.behaviour is not None
             for name, value in kind.behaviour.state.items():
                 setattr(instance, name, value)
-        self._begin()
+        self._initialise()
         self._rung(self.address, now)
         self._stopped = False
 

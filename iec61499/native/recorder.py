@@ -58,9 +58,9 @@ class NativeRecorder:
         self.address = ctypes.addressof(self._trace)
         writer.end_with(self.flush)
 
-    def begin(self, states: Mapping[str, dict[str, Any]]) -> None:
+    def start(self, states: Mapping[str, dict[str, Any]]) -> None:
         """Records the variables of all blocks, by the name of the block."""
-        self._values.begin(0, dict(states))
+        self._values.start(0, dict(states))
 
     def written(self, name: str, value: Any) -> None:
         """Records that a variable, `BLOCK.VARIABLE`, has been given a value from outside."""

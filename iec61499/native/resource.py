@@ -77,7 +77,7 @@ class NativeResource:
         self._recorder = None
         if writer is not None:
             self._recorder = NativeRecorder(writer, traced_events(self._layout))
-            self._recorder.begin(self.states())
+            self._recorder.start(self.states())
             self._function(f"{NAME}__trace", None, 2)(self.address, self._recorder.address)
 
     @property

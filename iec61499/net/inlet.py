@@ -51,7 +51,7 @@ class Inlet:
                 log.warning("%s: %d messages wait already; one is lost", self.port.name, WAITING)
                 return
             self._waiting += 1
-            self._reactor.call_soon_threadsafe(partial(self._take, action))
+            self._reactor.call_soon_threadsafe(partial(self._execute, action))
 
     def deliver(self, values: Values) -> None:
         """Delivers a message."""
@@ -85,7 +85,7 @@ class Inlet:
         with self._lock:
             self._closed = True
 
-    def _take(self, action: Callable[[], None]) -> None:
+    def _execute(self, action: Callable[[], None]) -> None:
         with self._lock:
             self._waiting -= 1
             closed = self._closed

@@ -113,7 +113,7 @@ class Bench(Ports):
         for name, value in inputs.items():
             self._write(name, value)
         self._runtime.fire(event)
-        return self._take()
+        return self._collect()
 
     def advance(self, duration: str | float) -> tuple[str, ...]:
         """Moves time on; gives the event outputs that come meanwhile.
@@ -122,7 +122,7 @@ class Bench(Ports):
             duration: seconds, or a literal such as `T#250ms`.
         """
         self._runtime.advance(duration_of(duration))
-        return self._take()
+        return self._collect()
 
     def due(self) -> float | None:
         """How long until the next timed block inside issues its event, s; None when none waits."""
@@ -142,7 +142,7 @@ class Bench(Ports):
         """Ends it; what it has executed is counted by then."""
         self._runtime.close()
 
-    def _take(self) -> tuple[str, ...]:
+    def _collect(self) -> tuple[str, ...]:
         issued = self._runtime.issued()
         self.__dict__.update(issued=issued, events=tuple(name for name, _ in issued))
         return self.events

@@ -119,7 +119,7 @@ class Recorder:
         text = (Field("name", TEXT), Field("value", TEXT))
         self._state, self._written = (_text_encoder(writer.kind(name, text)) for name in (STATE, WRITTEN))
 
-    def begin(self, time: int, states: dict[str, dict[str, Any]]) -> None:
+    def start(self, time: int, states: dict[str, dict[str, Any]]) -> None:
         """Records the variables of all blocks, by the name of the block."""
         for name, values in states.items():
             self._add(time, self._state(time, name, json.dumps(values)), 1)
@@ -218,7 +218,7 @@ class TracedResource(Resource):
     def __init__(self, network: model.FBNetwork, library: Library, writer: TraceWriter) -> None:
         super().__init__(network, library)
         recorder = Recorder(writer)
-        recorder.begin(self.time, self.states())
+        recorder.start(self.time, self.states())
         self.trace(recorder)
 
 

@@ -191,7 +191,7 @@ class ArmBridge:
 
     def _begin_anew(self, sample: JointSensors, why: str) -> None:
         self._fallen = False
-        self._blocks.begin()
+        self._blocks.restart()
         self._stops.renewed()
         self._stops.remind()
         self._tell(Event(sample.time, EventKind.RESTORED, f"the blocks begin anew from where the arm is: {why}"))
@@ -221,7 +221,7 @@ class OwnBlocks:
         self._adjustment: Adjustment | None = None
         self.stop: Stop = "none"
 
-    def begin(self) -> None:
+    def restart(self) -> None:
         """Puts new blocks in their place."""
         controller = self._make()
         with self._lock:
@@ -254,13 +254,13 @@ class OwnBlocks:
 
     def judge(self, state: ArmState, confidence: float) -> Stop:
         """Sends a verdict on the arm and its probability."""
-        return self._told(state, confidence, release=False)
+        return self._judge(state, confidence, release=False)
 
     def release(self) -> Stop:
         """Sends an operator's release."""
-        return self._told("nominal", 0.0, release=True)
+        return self._judge("nominal", 0.0, release=True)
 
-    def _told(self, state: ArmState, confidence: float, release: bool) -> Stop:
+    def _judge(self, state: ArmState, confidence: float, release: bool) -> Stop:
         with self._lock:
             try:
                 return self._controller.judge(state, confidence, release)

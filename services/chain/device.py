@@ -66,12 +66,12 @@ class DeviceBlocks:
         self._opened = ExitStack()
         self._adjustment: Adjustment | None = None
         self.stop: Stop = "none"
-        self._begin()
+        self._deploy()
 
-    def begin(self) -> None:
+    def restart(self) -> None:
         """Deploys blocks that begin in the place of these."""
         with self._lock:
-            self._begin()
+            self._deploy()
 
     def adjust(self, found: Adjustment) -> None:
         """Lets these blocks, and those that come in their place, count on what was found."""
@@ -105,18 +105,18 @@ class DeviceBlocks:
 
     def judge(self, state: ArmState, confidence: float) -> Stop:
         """Sends a verdict on the arm and its probability."""
-        return self._told(state, confidence, release=False)
+        return self._judge(state, confidence, release=False)
 
     def release(self) -> Stop:
         """Sends an operator's release."""
-        return self._told("nominal", 0.0, release=True)
+        return self._judge("nominal", 0.0, release=True)
 
-    def _told(self, state: ArmState, confidence: float, release: bool) -> Stop:
+    def _judge(self, state: ArmState, confidence: float, release: bool) -> Stop:
         with self._lock:
             (stop,) = self._verdict.exchange((ARM_STATES.index(state), confidence, release))
         return STOPS[int(stop)]
 
-    def _begin(self) -> None:
+    def _deploy(self) -> None:
         self._opened.close()
         joints = len(self._names)
         made = chain.system("ARM", chain.network(joints), self._values())

@@ -109,7 +109,7 @@ class Identifying:
             item = service.next(0.2)
             try:
                 if isinstance(item, JointTicks):
-                    self._take(item)
+                    self._on_ticks(item)
                 elif isinstance(item, JointAdjustment):
                     self._adjust(item)
                 elif isinstance(item, IdentificationRequest):
@@ -134,7 +134,7 @@ class Identifying:
             self._adjustment = now
             self._forget()
 
-    def _take(self, passed: JointTicks) -> None:
+    def _on_ticks(self, passed: JointTicks) -> None:
         for tick in passed.ticks:
             if len(tick.sensors.theta) != len(self._settings.arm):
                 return
@@ -143,7 +143,7 @@ class Identifying:
             self._time = tick.sensors.time
         if len(self._rows) < AT_ONCE:
             return
-        self._kept.append(self._rows.take())
+        self._kept.append(self._rows.drain())
         spare = len(self._kept) - round(REMEMBERED / (self._settings.arm.period * AT_ONCE))
         del self._kept[: max(0, spare)]
         if self._state.phase == "measuring" and self._deadline:

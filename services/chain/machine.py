@@ -29,9 +29,9 @@ class RunningArm:
     def __init__(self, settings: ChainSettings) -> None:
         self._joints = len(settings.arm)
         self.latch = Latch(Latched(), lambda latched: None)
-        self._begin(settings)
+        self._start(settings)
 
-    def _begin(self, settings: ChainSettings) -> None:
+    def _start(self, settings: ChainSettings) -> None:
         start = settings.poses.positions[0] if settings.start is None else settings.start
         self._settings = settings
         self._plant = ChainPlant(settings.machine, start, settings.seed, settings.late, settings.faults)
@@ -120,7 +120,7 @@ class RunningArm:
         """
         check_seed(seed)
         self.latch.harden()
-        self._begin(replace(self._settings, seed=seed))
+        self._start(replace(self._settings, seed=seed))
 
     @property
     def box_counts(self) -> BoxCounts | None:

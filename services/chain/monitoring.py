@@ -95,7 +95,7 @@ class Watching:
         while not service.stopping:
             item = service.next(0.2)
             if isinstance(item, JointTicks):
-                self._take(item)
+                self._on_ticks(item)
             elif isinstance(item, JointAdjustment):
                 self._adjust(item)
             elif isinstance(item, _Asked):
@@ -122,7 +122,7 @@ class Watching:
             self._monitor.adjust(now)
             self._tell_news()
 
-    def _take(self, passed: JointTicks) -> None:
+    def _on_ticks(self, passed: JointTicks) -> None:
         if not self._running:
             return
         for tick in passed.ticks:
@@ -138,7 +138,7 @@ class Watching:
             elif missing:
                 self._monitor.miss(missing)
         if len(self._rows) >= AT_ONCE:
-            self._monitor.follow(*self._rows.take())
+            self._monitor.follow(*self._rows.drain())
             self._tell_news()
             if self._monitor.time >= self._next:
                 self._next = self._monitor.time + VERDICT_EVERY

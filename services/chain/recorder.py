@@ -145,7 +145,7 @@ class Recorder:
         service.ready()
         due = time.monotonic() + KEEP
         while not service.stopping:
-            self._take(service.next(WAIT))
+            self._on_ticks(service.next(WAIT))
             if time.monotonic() >= due:
                 self._keep()
                 due = time.monotonic() + KEEP
@@ -153,10 +153,10 @@ class Recorder:
                 service.report("running", self._rows.count, time=max(0.0, self._rows.last), late_ticks=self._left_out)
         until = time.monotonic() + LONGEST
         while time.monotonic() < until and (passed := service.next(LAST)) is not None:
-            self._take(passed)
+            self._on_ticks(passed)
         self._keep()
 
-    def _take(self, passed: JointTicks | None) -> None:
+    def _on_ticks(self, passed: JointTicks | None) -> None:
         for tick in () if passed is None else passed.ticks:
             if tick.sensors.sequence == 0 and self._rows.count:
                 self._begin_another()

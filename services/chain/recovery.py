@@ -82,7 +82,7 @@ class ArmRecovery:
             item = service.next(WAIT)
             try:
                 if isinstance(item, MonitoringVerdict):
-                    self._hear(item)
+                    self._on_verdict(item)
                 elif isinstance(item, Proposal):
                     self._carry_out(item)
             except DtwinError as error:
@@ -90,7 +90,7 @@ class ArmRecovery:
             if service.report_due():
                 service.report("running", len(self._answered), time=self._time)
 
-    def _hear(self, verdict: MonitoringVerdict) -> None:
+    def _on_verdict(self, verdict: MonitoringVerdict) -> None:
         if verdict.time < self._time:  # another run's findings have the times of this one
             self._answered.clear()
         self._time = verdict.time

@@ -173,7 +173,7 @@ class Uploading:
                 log.warning("%s", error)
 
     def _now(self) -> JointUpload:
-        return _told(self._there())
+        return _message(self._there())
 
     def _answer(self, asked: JointUploadRequest) -> JointUpload:
         """Answers on a thread of its own: a check may take longer than a tick."""
@@ -199,7 +199,7 @@ class Uploading:
             self._service.inbox.put(_Mark())
             if uploads.last is not before:
                 self._tell(uploads.last)
-        return _told(uploads)
+        return _message(uploads)
 
     def _there(self) -> ArmUploads:
         if self._uploads is None:
@@ -213,7 +213,7 @@ class Uploading:
         self._publish(Event(entry.time, EventKind(entry.action), text[:1000]))
 
 
-def _told(uploads: ArmUploads) -> JointUpload:
+def _message(uploads: ArmUploads) -> JointUpload:
     last = uploads.last
     text = last.text or last.why
     return JointUpload(

@@ -47,7 +47,7 @@ class Rows:
         self._append(_row(tick))
         return -1 if gap < 1 else gap - 1 if gap > BRIDGED else 0
 
-    def take(self) -> tuple[Array, Array, Array, Array]:
+    def drain(self) -> tuple[Array, Array, Array, Array]:
         """The rows since the last call: times, readings, targets, and what acted; (N,) and (N, n)."""
         rows, self._rows = self._rows, []
         t, q, target, effort = (np.array(column) for column in zip(*rows, strict=True))

@@ -53,7 +53,7 @@ class Gate:
         self._seen = None
         self.expected = sequence
 
-    def take(self, command: Numbered, now: float, sent: float) -> bool:
+    def admit(self, command: Numbered, now: float, sent: float) -> bool:
         """Whether the arm shall obey a command that comes now and answers a sample sent at a time."""
         sequence = command.sequence
         if sequence > self.expected:

@@ -45,7 +45,7 @@ def first_recording(log: Path | None, record: Path | None, resumable: bool) -> i
     return 1
 
 
-def begin(path: Path, number: int) -> None:
+def mark_begun(path: Path, number: int) -> None:
     """Marks a recording of the run with the first log or recording `path` as begun, if there is room for that."""
     folder = folder_of(path)
     with contextlib.suppress(OSError):

@@ -36,7 +36,7 @@ class Recent:
         self._let_fall = -1
         self._since = 0.0
 
-    def take(self, sensors: Sensors) -> None:
+    def add(self, sensors: Sensors) -> None:
         """Takes the next sample; one that is repeated because nobody answered it counts once."""
         samples = self.samples
         if samples and sensors == samples[-1]:

@@ -33,7 +33,7 @@ class _Row:
         self.acted: Acted | None = None
         self.path: Path | None = None
 
-    def take(self, message: Voltages | Path) -> None:
+    def add(self, message: Voltages | Path) -> None:
         if isinstance(message, Path):
             self.path = self.path or message
         else:
@@ -94,7 +94,7 @@ class Rows:
         self._last = sample
         self._rows[sample.sequence] = row = _Row(sample, now)
         for message in self._early.pop(sample.sequence, ()):
-            row.take(message)
+            row.add(message)
         if len(self._early) >= EARLY_LIMIT:
             self._early = {number: kept for number, kept in self._early.items() if self._may_be_early(number)}
 
@@ -110,7 +110,7 @@ class Rows:
         """Takes the command or the path angles that answer a sample; the first of each counts."""
         row = self._rows.get(message.sequence)
         if row is not None:
-            row.take(message)
+            row.add(message)
             self._emit_due(now)
         elif len(self._early) < EARLY_LIMIT and self._may_be_early(message.sequence):
             early = self._early.setdefault(message.sequence, [])

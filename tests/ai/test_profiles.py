@@ -50,16 +50,16 @@ def test_a_door_that_is_not_the_profiles_own_stays_shut(profile: Profile) -> Non
 def test_changes_are_counted_against_their_limits() -> None:
     now = [0.0]
     allowance = Allowance(Limits(hourly=2, pause=5.0), lambda: now[0])
-    allowance.take()
+    allowance.count()
     with pytest.raises(ParameterError, match="5 s between two changes"):
-        allowance.take()
+        allowance.count()
     now[0] = 5.0
-    allowance.take()
+    allowance.count()
     now[0] = 3599.0
     with pytest.raises(ParameterError, match="at most 2 changes an hour"):
-        allowance.take()
+        allowance.count()
     now[0] = 3600.0
-    allowance.take()
+    allowance.count()
 
 
 def test_a_step_is_no_larger_than_its_limit() -> None:
@@ -79,11 +79,11 @@ def test_calls_are_bounded() -> None:
     now = [0.0]
     rate = Rate(3, lambda: now[0])
     for _ in range(3):
-        rate.take()
+        rate.count()
     with pytest.raises(ParameterError, match="at most 3 a second"):
-        rate.take()
+        rate.count()
     now[0] = 1.0
-    rate.take()
+    rate.count()
 
 
 @pytest.mark.parametrize(("hourly", "pause", "factor"), [(0, 5.0, 2.0), (1, -1.0, 2.0), (1, 5.0, 0.5)])

@@ -19,7 +19,7 @@ class Listener:
             lambda sample: self.passed.append(sample.sequence), lambda reason, detail: self.refused.update([reason])
         )
 
-    def hear(self, *numbers: int) -> None:
+    def receive(self, *numbers: int) -> None:
         for number in numbers:
             self._following(Sensors(number, 0.01, (0.0, 0.0, 0.0), 0.9, False, ""))
 
@@ -27,7 +27,7 @@ class Listener:
 def test_gaps_repetitions_and_new_runs_pass() -> None:
     listener = Listener()
     numbers = (0, 1, 1, 500, 500 + AHEAD, 3, 4, 0)
-    listener.hear(*numbers)
+    listener.receive(*numbers)
     assert listener.passed == list(numbers)
 
 
@@ -35,7 +35,7 @@ def test_gaps_repetitions_and_new_runs_pass() -> None:
 def test_numbers_far_ahead_change_nothing_for_those_that_follow(strays: list[int], count: int) -> None:
     listener = Listener()
     for number in range(count):
-        listener.hear(number, *strays)
+        listener.receive(number, *strays)
     assert listener.passed == list(range(count))
     assert listener.refused == Counter({"far ahead": len(strays) * count} if strays else {})
 
@@ -43,6 +43,6 @@ def test_numbers_far_ahead_change_nothing_for_those_that_follow(strays: list[int
 def test_a_listener_that_was_away_hears_again() -> None:
     listener = Listener()
     late = 10 * AHEAD
-    listener.hear(0, *range(late, late + AWAY + 10))
+    listener.receive(0, *range(late, late + AWAY + 10))
     assert listener.passed == [0, *range(late + AWAY - 1, late + AWAY + 10)]
     assert listener.refused == {"far ahead": AWAY - 1}

@@ -20,7 +20,7 @@ def running(until: float, opinion: Opinion) -> None:
         now = 0.01 * tick
         opinion.sample(now, now)
         if tick % 50 == 4:
-            opinion.take(at(now - 0.04), now)
+            opinion.update(at(now - 0.04), now)
 
 
 def test_nothing_is_known_before_the_first_verdict() -> None:
@@ -50,9 +50,9 @@ def test_a_monitor_that_is_behind_is_unknown_although_it_speaks() -> None:
     running(5.0, opinion)
     for tick in range(500, 700):
         opinion.sample(0.01 * tick, 0.01 * tick)
-        opinion.take(at(4.5 + 0.001 * tick), 0.01 * tick)
+        opinion.update(at(4.5 + 0.001 * tick), 0.01 * tick)
     assert not is_known(opinion.current(7.0))
-    opinion.take(at(6.9), 7.0)
+    opinion.update(at(6.9), 7.0)
     assert is_known(opinion.current(7.0))
 
 
@@ -68,7 +68,7 @@ def test_a_verdict_of_another_run_says_nothing_of_this_one() -> None:
     running(5.0, opinion)
     opinion.sample(0.0, 5.0)
     assert not is_known(opinion.current(5.0))
-    opinion.take(at(4.9), 5.1)
+    opinion.update(at(4.9), 5.1)
     opinion.sample(0.2, 5.2)
     assert not is_known(opinion.current(6.3))
 
@@ -76,7 +76,7 @@ def test_a_verdict_of_another_run_says_nothing_of_this_one() -> None:
 def test_a_verdict_may_come_before_its_sample() -> None:
     opinion = Opinion()
     opinion.sample(1.0, 1.0)
-    opinion.take(at(1.02), 1.0)
+    opinion.update(at(1.02), 1.0)
     opinion.sample(1.02, 1.02)
     assert opinion.age(1.4) == 0.3999999999999999
 

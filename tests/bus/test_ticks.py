@@ -30,42 +30,42 @@ def test_every_tick_comes_once_in_order_with_what_acted(late: set[int], order: l
         number = sent[sender]
         sent[sender] += 1
         if sender == "bridge":
-            done += ticks.take(command(number))
+            done += ticks.add(command(number))
             continue
-        done += ticks.take(sample(number))
+        done += ticks.add(sample(number))
         if number in late:
-            done += ticks.take(acted(number))
+            done += ticks.add(acted(number))
     assert done == [(sample(k), acted(k) if k in late else command(k)) for k in range(COUNT - 1)]
 
 
 def test_a_sample_whose_command_never_came_is_not_waited_for() -> None:
     ticks = Ticks()
-    assert ticks.take(sample(0)) == []
-    assert ticks.take(acted(0)) == []
-    assert ticks.take(sample(1)) == [(sample(0), acted(0))]
+    assert ticks.add(sample(0)) == []
+    assert ticks.add(acted(0)) == []
+    assert ticks.add(sample(1)) == [(sample(0), acted(0))]
 
 
 def test_a_sample_of_which_nobody_tells_anything_is_left_out() -> None:
     ticks = Ticks()
     done = []
     for k in range(40):
-        done += ticks.take(sample(k))
+        done += ticks.add(sample(k))
         if k != 3:
-            done += ticks.take(command(k))
+            done += ticks.add(command(k))
     assert [tick[0].sequence for tick in done] == [0, 1, 2, *range(4, 39)]
 
 
 def test_commands_that_a_busy_machine_keeps_back_are_waited_for() -> None:
     ticks = Ticks()
-    assert [tick for k in range(APART) for tick in ticks.take(sample(k))] == []
-    done = [tick for k in range(APART - 1) for tick in ticks.take(command(k))]
+    assert [tick for k in range(APART) for tick in ticks.add(sample(k))] == []
+    done = [tick for k in range(APART - 1) for tick in ticks.add(command(k))]
     assert done == [(sample(k), command(k)) for k in range(APART - 1)]
 
 
 def test_nothing_is_waited_for_for_ever() -> None:
     ticks = Ticks()
     for k in range(3 * APART):
-        ticks.take(sample(k))
+        ticks.add(sample(k))
     assert len(ticks._samples) <= APART
 
 
@@ -81,17 +81,17 @@ def test_a_repeated_sample_is_one_and_numbers_that_go_back_are_another_run() -> 
         command(1),
         sample(2),
     ]
-    done = [tick for message in messages for tick in ticks.take(message)]
+    done = [tick for message in messages for tick in ticks.add(message)]
     assert done == [(sample(0), command(0)), (sample(1), command(1))]
 
 
 def test_stray_commands_take_no_memory() -> None:
     ticks = Ticks()
     for number in range(3 * APART):
-        ticks.take(command(number))
-    ticks.take(sample(5))
+        ticks.add(command(number))
+    ticks.add(sample(5))
     for number in range(3 * APART):
-        ticks.take(command(number))
-        ticks.take(acted(number))
+        ticks.add(command(number))
+        ticks.add(acted(number))
     assert len(ticks._commands) <= 2 * APART
     assert len(ticks._acted) == 1

@@ -27,10 +27,10 @@ def command(number: int, volts: float = 1.0) -> Voltages:
 def test_a_row_has_the_sample_and_what_acted_after_it() -> None:
     rows = Collection()
     for number in range(10, 15):
-        rows.take(sample(number))
-        rows.take(command(number))
+        rows.add(sample(number))
+        rows.add(command(number))
         if number == 12:
-            rows.take(Acted(12, 0.12, (0.0, 0.0, 0.0, 0.0), False))
+            rows.add(Acted(12, 0.12, (0.0, 0.0, 0.0, 0.0), False))
     log = rows.log()
     assert log.columns["t"].tolist() == pytest.approx([0.10, 0.11, 0.12, 0.13])
     assert log.columns["volts_1"].tolist() == [1.0, 1.0, 0.0, 1.0]
@@ -43,8 +43,8 @@ def test_a_row_has_the_sample_and_what_acted_after_it() -> None:
 def test_another_run_of_the_cell_begins_the_rows_anew() -> None:
     rows = Collection()
     for number in (*range(50, 60), *range(5)):
-        rows.take(sample(number))
-        rows.take(command(number))
+        rows.add(sample(number))
+        rows.add(command(number))
     assert rows.log().columns["t"].tolist() == pytest.approx([0.0, 0.01, 0.02, 0.03])
 
 

@@ -20,7 +20,7 @@ LOST = {120, 121, 122, 190}
 def heard() -> Excited:
     """What is kept of a signal of which samples were lost."""
     experiment, motion = measured(payload=0.0), ExcitedMotion()
-    motion.take_state(IdentificationState("measuring", ""))
+    motion.update_state(IdentificationState("measuring", ""))
     rows = zip(experiment.measured.tolist(), experiment.volts.tolist(), strict=True)
     for number, (theta, volts) in enumerate(rows):
         time = number * PERIOD
@@ -28,8 +28,8 @@ def heard() -> Excited:
         one, two, three = volts
         if number not in LOST:
             sensors = Sensors(number, time, (first, second, third), 0.9, False, "")
-            motion.take([(sensors, Acted(number, time, (one, two, three, 0.0), False))])
-    motion.take_state(IdentificationState("estimating", ""))
+            motion.extend([(sensors, Acted(number, time, (one, two, three, 0.0), False))])
+    motion.update_state(IdentificationState("estimating", ""))
     assert motion.last is not None
     return motion.last
 

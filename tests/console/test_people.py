@@ -150,10 +150,10 @@ def test_visits_cost_nothing_and_throw_nobody_out(tmp_path: Path, users: Users) 
         for cookie in (f"dtwin={sorted(keys)[0]}x", "dtwin=.", "dtwin=a.b", f"dtwin={'a' * 43}.{'0' * 64}"):
             assert operator.ask("GET", "/api/session", Cookie=cookie)[0] == 401
         sessions = served.console.sessions
-        first = sessions.begin("anna", "viewer", "", 0.0)
-        other = sessions.begin("bert", "viewer", "", 0.0)
+        first = sessions.open("anna", "viewer", "", 0.0)
+        other = sessions.open("bert", "viewer", "", 0.0)
         for _ in range(EACH):
-            sessions.begin("anna", "viewer", "", 0.0)
+            sessions.open("anna", "viewer", "", 0.0)
         assert sessions.find(first.key, 1.0) is None
         assert sessions.find(other.key, 1.0) == other, "nobody's sessions make room for another one's"
 

@@ -15,7 +15,7 @@ from dtwin.logs.collecting import RunLog
 from dtwin.run.cell_file import cell_of
 from dtwin.services.console import ConsoleOptions
 from dtwin.signals import Sensors, StepRecord, Truth, Voltages
-from dtwin.task import told
+from dtwin.task import notes_of
 from tests.support.console import serve
 from tests.support.waiting import until
 
@@ -84,7 +84,7 @@ def test_the_last_hour_keeps_the_colours_of_the_cell() -> None:
 
 
 def test_a_recording_is_shown_with_the_places_of_its_own_cell(tmp_path: Path) -> None:
-    log = RunLog(told(TASK))
+    log = RunLog(notes_of(TASK))
     for tick in range(10):
         t = 0.01 * tick
         log.append(

@@ -62,12 +62,12 @@ def test_an_arm_that_falls_is_caught_without_a_stop(seed: int, worked: int, fell
 
     for _ in range(worked):
         before = emulation.read()
-        recent.take(before)
+        recent.add(before)
         command = loop.answer(before)
         obey(command)
     for tick in range(LATE + fell + 1000):
         now = emulation.read()
-        recent.take(now)
+        recent.add(now)
         if tick >= LATE + fell and not recent.falls():
             break
         limp = Voltages(now.sequence, now.time, (0.0, 0.0, 0.0, 0.0), command.box_gripped)

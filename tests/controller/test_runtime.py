@@ -82,12 +82,12 @@ def test_a_snapshot_brings_a_motion_back() -> None:
     with chosen("native"):
         controller = MotionController()
     blocks = controller.resource
-    first = controller.begin(PICKUP.theta, "red", ControlSettings())
+    first = controller.start(PICKUP.theta, "red", ControlSettings())
     before = blocks.snapshot()
     then = [controller.step(PICKUP.theta) for _ in range(5)]
     blocks.restore(before)
     assert [controller.step(PICKUP.theta) for _ in range(5)] == then
-    assert controller.begin(PICKUP.theta, "red", ControlSettings()) == first
+    assert controller.start(PICKUP.theta, "red", ControlSettings()) == first
 
 
 @needs_compiler

@@ -34,8 +34,8 @@ def traffic(ticks: int, ask_at: int, lose: Collection[int] = ()) -> Iterator[tup
 def collected(pairs: Iterable[tuple[Sensors, Voltages]]) -> SignalCollector:
     collector = SignalCollector(PLAIN, SAMPLES, 0.2)
     for sensors, command in pairs:
-        collector.take(sensors)
-        collector.take(command)
+        collector.add(sensors)
+        collector.add(command)
     return collector
 
 
@@ -70,12 +70,12 @@ def test_what_acted_counts_where_a_command_is_late_or_missing() -> None:
     command = Voltages(0, 0.0, (0.0, 0.0, 0.0, 0.0), False)
     for tick in range(SAMPLES + 5):
         sensors = emulation.read()
-        collector.take(sensors)
+        collector.add(sensors)
         if tick in missing | late:
-            collector.take(Acted(sensors.sequence, sensors.time, command.volts, command.box_gripped))
+            collector.add(Acted(sensors.sequence, sensors.time, command.volts, command.box_gripped))
         if tick not in missing:
             answer = controller.step(sensors)
-            collector.take(answer)
+            collector.add(answer)
             command = command if tick in late else answer
         emulation.apply(command)
         emulation.advance(PERIOD)
@@ -100,9 +100,9 @@ def test_order_does_not_matter(apart: int) -> None:
     collector = SignalCollector(PLAIN, SAMPLES, 0.2)
     for tick in range(len(pairs) + apart):
         for sensors, _ in pairs[tick : tick + 1]:
-            collector.take(sensors)
+            collector.add(sensors)
         if tick >= apart and not collector.complete:
-            collector.take(pairs[tick - apart][1])
+            collector.add(pairs[tick - apart][1])
     assert collector.experiment().fingerprint == expected.fingerprint
 
 

@@ -40,7 +40,7 @@ def traffic() -> list[tuple[Sensors, Voltages]]:
 def heard(ticks: Iterable[Tick]) -> OperatingData:
     data = OperatingData()
     for tick in ticks:
-        data.take([tick])
+        data.extend([tick])
     return data
 
 
@@ -60,19 +60,19 @@ def test_pieces_are_empty_moving_and_whole(traffic: list[tuple[Sensors, Voltages
 
 def test_gaps_part_pieces_and_ticks_may_come_together(traffic: list[tuple[Sensors, Voltages]]) -> None:
     together = OperatingData()
-    together.take(traffic)
+    together.extend(traffic)
     assert [p.fingerprint for p in together.pieces(0.0)] == [p.fingerprint for p in heard(traffic).pieces(0.0)]
     assert heard(tick for k, tick in enumerate(traffic) if k % (PIECE - 1)).pieces(0.0) == []
 
 
 def test_memory_is_bounded_and_ends_with_the_run(traffic: list[tuple[Sensors, Voltages]]) -> None:
     data = heard(traffic)
-    data.take(traffic[:1])
+    data.extend(traffic[:1])
     assert data.pieces(0.0) == []
     long = OperatingData()
     for number in range(MEMORY + 2 * APART):
         sensors = Sensors(number, number * PERIOD, (0.01 * number, 0.0, 0.0), 0.9, False, "none")
-        long.take([(sensors, Voltages(number, number * PERIOD, (0.0, 0.0, 0.0, 0.0), False))])
+        long.extend([(sensors, Voltages(number, number * PERIOD, (0.0, 0.0, 0.0, 0.0), False))])
     assert len(long.pieces(0.0)) == MEMORY // PIECE
 
 

@@ -25,7 +25,7 @@ ALL = np.ones(3, dtype=bool)
 def at(state: np.ndarray, gripped: bool = False, arm: ArmParameters = ARM) -> Estimator:
     """An estimator that is certain of a state."""
     estimator = Estimator(assumed(arm, (1e-3, 1e-3, 1e-3)), Tuning())
-    estimator.begin(state[:3], gripped)
+    estimator.initialise(state[:3], gripped)
     estimator.x[:6] = state
     estimator.P[:] = 0.0
     return estimator
@@ -89,7 +89,7 @@ def test_unused_readings_change_nothing() -> None:
 
 def test_a_new_box_has_the_prior_mass_and_an_empty_gripper_none(belief: Belief) -> None:
     estimator = Estimator(belief, Tuning())
-    estimator.begin(STATE[:3], False)
+    estimator.initialise(STATE[:3], False)
     assert estimator.x[PAYLOAD] == 0.0 == estimator.P[PAYLOAD, PAYLOAD]
     estimator.predict(VOLTS, True)
     assert estimator.x[PAYLOAD] == 0.2
@@ -113,7 +113,7 @@ def test_a_locked_joint_stays_where_it_is(joint: int) -> None:
 def test_copies_are_independent(belief: Belief, run_cell: Callable[..., Log]) -> None:
     seen = stream(run_cell())
     estimator = Estimator(belief, Tuning())
-    estimator.begin(seen.measured[0], False)
+    estimator.initialise(seen.measured[0], False)
     twin = estimator.copy()
     for k in range(1, 50):
         twin.predict(seen.volts[k - 1, :3], False)
@@ -131,7 +131,7 @@ def test_innovations_of_a_healthy_arm_are_white_and_the_truth_is_within_its_erro
     log = run_cell()
     seen = stream(log)
     estimator = Estimator(belief, Tuning())
-    estimator.begin(seen.measured[0], bool(seen.gripped[0]))
+    estimator.initialise(seen.measured[0], bool(seen.gripped[0]))
     whitened, misses = [], []
     for k in range(1, len(seen)):
         estimator.predict(seen.volts[k - 1, :3], bool(seen.gripped[k - 1]))
@@ -152,7 +152,7 @@ def test_innovations_of_a_healthy_arm_are_white_and_the_truth_is_within_its_erro
 
 def test_bounds_keep_the_estimate_physical(belief: Belief) -> None:
     estimator = Estimator(belief, Tuning())
-    estimator.begin(STATE[:3], True)
+    estimator.initialise(STATE[:3], True)
     estimator.x[INDEX["K2"]], estimator.x[PAYLOAD] = -1.0, -3.0
     estimator.correct(STATE[:3], ALL)
     assert estimator.x[INDEX["K2"]] == 0.0
@@ -179,7 +179,7 @@ def test_what_was_remembered_is_refined_as_an_augmented_filter_would(
     """A clone's mean, variance and covariance are those of one more constant in a filter of one more state."""
     seen = stream(run_cell())
     estimator = Estimator(belief, Tuning())
-    estimator.begin(seen.measured[0], False)
+    estimator.initialise(seen.measured[0], False)
     for k in range(1, 500):
         estimator.predict(seen.volts[k - 1, :3], bool(seen.gripped[k - 1]))
         estimator.correct(seen.measured[k], ALL)
@@ -224,7 +224,7 @@ def test_what_was_remembered_is_refined_as_an_augmented_filter_would(
 
 def test_a_box_that_comes_is_compared_with_what_boxes_are(belief: Belief) -> None:
     estimator = Estimator(belief, Tuning())
-    estimator.begin(STATE[:3], False)
+    estimator.initialise(STATE[:3], False)
     estimator.remember("payload")
     estimator.predict(VOLTS, True)
     assert estimator.change("payload") == (0.2, 0.2, pytest.approx(Tuning().box_deviation))

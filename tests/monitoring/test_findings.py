@@ -138,7 +138,7 @@ def test_a_motor_without_voltage_is_no_weak_one_besides(belief: Belief, run_cell
     row, causes = 1655, []
     while not monitor.history:
         if isinstance(monitor._mode, Diagnosing):
-            causes.append([str(candidate.told) for candidate, _ in monitor._mode.diagnosis.ranked()])
+            causes.append([str(candidate.isolated) for candidate, _ in monitor._mode.diagnosis.ranked()])
         seen.feed(monitor, row, row + 1)
         row += 1
     assert causes

@@ -45,7 +45,7 @@ def judged(volts: list[float], angles: list[float]) -> list[tuple[int, bool]]:
     """Samples at which the opinion changes, and what it is then."""
     watch = GripperWatch()
     return [
-        (k, watch.fails) for k, (u, angle) in enumerate(zip(volts, angles, strict=True)) if watch.take(k, angle, u)
+        (k, watch.fails) for k, (u, angle) in enumerate(zip(volts, angles, strict=True)) if watch.update(k, angle, u)
     ]
 
 
@@ -66,11 +66,11 @@ def test_a_jaw_that_is_pushed_open_has_yet_to_show_whether_its_motor_closes_it(
     watch = GripperWatch()
     volts = [3.0] * 100 + [-3.0] * 200
     for k, (u, angle) in enumerate(zip(volts, driven(volts, stop=BOX), strict=True)):
-        watch.take(k, angle, u)
+        watch.update(k, angle, u)
     assert not watch.undecided
     seen = []
     for k, move in enumerate(moves, len(volts)):
-        watch.take(k, BOX + move, -3.0)
+        watch.update(k, BOX + move, -3.0)
         seen.append(watch.undecided)
     assert (seen, watch.fails) == (waits, max(moves) > 0.05)
 
@@ -112,8 +112,8 @@ def test_a_jaw_that_gives_way_fails_and_one_that_goes_again_recovers() -> None:
 def test_a_jaw_may_have_been_driven_elsewhere_while_nobody_saw_it(missing: int, fails: bool) -> None:
     watch, opened = GripperWatch(), 0.1
     for k, (u, angle) in enumerate(zip(CYCLE[:300], driven(CYCLE[:300], stop=BOX), strict=True)):
-        watch.take(k, angle, u)
-    watch.take(300 + missing, BOX + opened, -3.0)
+        watch.update(k, angle, u)
+    watch.update(300 + missing, BOX + opened, -3.0)
     assert watch.fails == fails
 
 
@@ -134,14 +134,14 @@ def test_many_samples_at_once_are_judged_as_one_after_the_other(data: st.DataObj
     while row < len(volts):
         rows = slice(row, row + data.draw(st.integers(1, 60)))
         calm = many.calm(samples[rows], angles[rows], values[rows])
-        news = [one.take(k, float(angles[k]), volts[k]) for k in range(row, row + calm)]
+        news = [one.update(k, float(angles[k]), volts[k]) for k in range(row, row + calm)]
         passed = slice(row, row + calm)
         many.pass_over(samples[passed], angles[passed], values[passed])
         assert not any(news)
         row += calm
         if row < min(rows.stop, len(volts)):
-            assert one.take(row, float(angles[row]), volts[row])
-            assert many.take(row, float(angles[row]), volts[row])
+            assert one.update(row, float(angles[row]), volts[row])
+            assert many.update(row, float(angles[row]), volts[row])
             row += 1
         assert (one.fails, one.since, one.stirred) == (many.fails, many.since, many.stirred)
 
@@ -183,7 +183,7 @@ def test_a_box_that_moves_between_the_pads_is_noticed_once_for_each_grip() -> No
     angles[250:] = [angle + 0.01 if 250 <= k < 280 else angle for k, angle in enumerate(angles[250:], 250)]
     stirred = []
     for k, (u, angle) in enumerate(zip(CYCLE, angles, strict=True)):
-        watch.take(k, angle + (0.002 if k % 2 else 0.0), u)
+        watch.update(k, angle + (0.002 if k % 2 else 0.0), u)
         stirred.append(watch.stirred)
     assert set(stirred) == {-1, 250}
     assert stirred.index(250) == 250

@@ -78,7 +78,7 @@ def test_the_joints_that_are_off_are_named(belief: Belief) -> None:
     for k in range(PROVEN):
         assert not probation.passed
         estimator.innovation[:] = np.array([1e-3, 7e-3 if k == 3 else 0.0, 1.0])
-        probation.take(estimator, used, counts=k > 0)
+        probation.update(estimator, used, counts=k > 0)
     assert probation.passed
     assert list(probation.misfit()) == [2]
     assert "joint 2 is up to 7.0 standard deviations" in probation.misfit()[2]

@@ -48,6 +48,6 @@ def test_the_last_one_can_be_replaced_and_all_of_them() -> None:
     (kept,) = moments.last(1)
     moments.replace_last(moment(2))
     assert plain([kept, *moments.last(1)]) == plain([moment(1), moment(2)])
-    moments.take([moment(4), moment(5)])
+    moments.replace([moment(4), moment(5)])
     assert plain(moments.last(2)) == plain([moment(4), moment(5)])
     assert len(moments) == 2

@@ -35,7 +35,7 @@ def states(arm: ArmParameters = ARM_HERE) -> Array:
 
 def carried(motion: Motion, x: Array, locked: int = 0) -> Array:
     """The state after all of VOLTS."""
-    motion.begin()
+    motion.reset()
     for volts in VOLTS:
         x[:6], _ = motion.carry(x, volts, True, locked)
     return x
@@ -91,7 +91,7 @@ def test_eccentric_encoders_are_expected() -> None:
     belief = replace(assumed(ARM_HERE, (1e-3, 1e-3, 1e-3)), effects=EFFECTS)
     estimator = Estimator(belief, Tuning())
     readings = STATE[:3] + np.array([0.003 * np.sin(STATE[0]), 0.0, 0.0])
-    estimator.begin(readings, False)
+    estimator.initialise(readings, False)
     np.testing.assert_allclose(estimator.x[:3], STATE[:3], rtol=0, atol=1e-5)
     np.testing.assert_allclose(estimator.expected()[0], readings, rtol=0, atol=1e-5)
 
@@ -100,7 +100,7 @@ def test_torques_that_last_fade_and_come_back_as_often_as_stated() -> None:
     """The variance of a Gauss-Markov process that nobody measures stays what it is; a known torque fades."""
     error = Unmodelled(slow=(0.02, 0.01, 0.03), memory=0.2)
     estimator = Estimator(replace(assumed(ArmParameters(), (1e-3, 1e-3, 1e-3)), error=error), Tuning())
-    estimator.begin(STATE[:3], False)
+    estimator.initialise(STATE[:3], False)
     estimator.x[TORQUE] = 0.05
     for _ in range(20):
         estimator.predict(VOLTS[0], False)
@@ -112,7 +112,7 @@ def test_the_motion_is_in_doubt_while_a_box_comes_or_goes() -> None:
     """A torque of 1 N m more or less for a sample changes speeds by its derivative, in as many samples as stated."""
     belief = replace(assumed(ArmParameters(), (1e-3, 1e-3, 1e-3)), error=Unmodelled(grip=1.0))
     estimator = Estimator(belief, Tuning())
-    estimator.begin(STATE[:3], False)
+    estimator.initialise(STATE[:3], False)
     grown = []
     for _ in range(HANDLING + 2):
         estimator.P[:] = 0.0
@@ -127,7 +127,7 @@ def test_a_box_that_has_gone_may_still_touch_a_finger_for_a_second(lost: bool) -
     """A tenth of what is in doubt while it is handled, or slips, stays in doubt until the arm has left it."""
     belief = replace(assumed(ArmParameters(), (1e-3, 1e-3, 1e-3)), error=Unmodelled(grip=1.0))
     estimator = Estimator(belief, Tuning())
-    estimator.begin(STATE[:3], True)
+    estimator.initialise(STATE[:3], True)
     if lost:
         for _ in range(HANDLING):
             estimator.predict(VOLTS[0], True)
@@ -147,7 +147,7 @@ def test_near_standstill_nobody_knows_how_much_dry_friction_acts(speed: float) -
     """It may be anything up to its level, 30 mN m here: a torque in doubt that fades as the joint gets faster."""
     belief = assumed(ArmParameters().with_values({"mu2": 0.02}), (1e-3, 1e-3, 1e-3))
     estimator = Estimator(replace(belief, effects=Effects(stiction=(0.0, 0.01, 0.0))), Tuning())
-    estimator.begin(STATE[:3], False)
+    estimator.initialise(STATE[:3], False)
     estimator.x[W:ARM], estimator.P[:] = speed, 0.0
     estimator.predict(VOLTS[0], False)
     torque = np.array([0.0, 0.03, 0.0]) * np.exp(-0.5 * (estimator.x[W + 1] / 0.05) ** 2)
@@ -161,7 +161,7 @@ def test_dry_friction_tells_the_speed_of_a_joint_no_faster_than_it_can_slow_one(
     """A joint that friction holds counts as standing, but one that may move takes time, and a box may push it on."""
     belief = assumed(ArmParameters().with_values({"mu2": 0.1}), (1e-3, 1e-3, 1e-3))
     estimator = Estimator(replace(belief, effects=Effects(stiction=(0.0, 0.05, 0.0))), Tuning())
-    estimator.begin(np.array([-np.pi / 2, 0.0, 0.0]), False)  # it hangs
+    estimator.initialise(np.array([-np.pi / 2, 0.0, 0.0]), False)  # it hangs
     kept = []
     for _ in range(HANDLING + 3):
         estimator.x[W:ARM], estimator.P[:] = 0.0, 0.0
@@ -180,7 +180,7 @@ def test_play_moves_an_angle_without_any_torque() -> None:
         assumed(ArmParameters(), (1e-3, 1e-3, 1e-3)), error=Unmodelled((0.0, 0.0, 0.0), displacement=5e-4)
     )
     estimator = Estimator(belief, Tuning())
-    estimator.begin(STATE[:3], False)
+    estimator.initialise(STATE[:3], False)
     estimator.P[:] = 0.0
     estimator.predict(VOLTS[0], False)
     np.testing.assert_allclose(estimator.P, 25e-8 * np.diag([*np.ones(3), *np.zeros(SIZE - 3)]), atol=1e-8)
@@ -191,7 +191,7 @@ def test_a_gear_that_yields_swings_after_a_jump_of_the_torque_and_settles() -> N
     error = Unmodelled((0.0, 0.0, 0.0), compliance=(0.02, 0.02, 0.02))
     belief = replace(assumed(ArmParameters(), (1e-3, 1e-3, 1e-3)), error=error)
     estimator = Estimator(belief, Tuning())
-    estimator.begin(np.zeros(3), False)
+    estimator.initialise(np.zeros(3), False)
     estimator.predict(np.zeros(3), False)
     swung = []
     for _ in range(11):
@@ -208,7 +208,7 @@ def test_when_a_voltage_changes_is_in_doubt_and_a_constant_one_is_not() -> None:
     error = Unmodelled((0.0, 0.0, 0.0), timing=TIMING)
     belief = replace(assumed(ArmParameters(), (1e-3,) * 3), effects=Effects(delay=PERIOD), error=error)
     estimator = Estimator(belief, Tuning())
-    estimator.begin(np.array([-np.pi / 2, 0.0, 0.0]), False)
+    estimator.initialise(np.array([-np.pi / 2, 0.0, 0.0]), False)
     estimator.predict(np.zeros(3), False)
     found = []
     for _ in range(4):
@@ -224,7 +224,7 @@ def test_that_a_joint_rests_tells_of_a_lock_only_where_friction_would_not_hold_i
     belief = assumed(ArmParameters().with_values({"mu2": 0.1}), (1e-3,) * 3)
     estimator = Estimator(replace(belief, effects=SLIPPERY), Tuning())
     hanging, command = np.array([-np.pi / 2, 0.0, 0.0]), np.array([0.0, volts, 0.0])
-    estimator.begin(hanging, False)
+    estimator.initialise(hanging, False)
     estimator.x[W:ARM] = 0.0
     locked = Candidate(parse_fault_id("lock2"), Onset(0, 1, estimator), plausible_sizes(belief.arm))
     assert (abs(locked.estimator.freed(2, command, False)) > STANDSTILL) == news

@@ -112,7 +112,7 @@ def test_a_reading_is_a_spike_where_the_noise_hardly_ever_gets() -> None:
         readings.expect_tails((clip, clip, clip))
         generator = np.random.default_rng(0)
         for _ in range(30):
-            readings.take(LEVEL * generator.standard_normal(3))
+            readings.update(LEVEL * generator.standard_normal(3))
             readings.judge(angle, np.full(3, LEVEL), True)
-        readings.take(angle + far)
+        readings.update(angle + far)
         assert bool(readings.judge(angle, np.full(3, LEVEL), True)[0]) is not spike

@@ -45,7 +45,7 @@ def judged(measured: Array, true: Array, noise: float) -> tuple[Readings, Array]
     """The readings after all samples, and at which encoders counted as stopped, (N, 3)."""
     found, frozen = Readings((noise, noise, noise)), []
     for reading, angle in zip(measured, true, strict=True):
-        found.take(reading)
+        found.update(reading)
         found.judge(angle, np.full(3, SURE), True)
         found.listen(reading)
         frozen.append(found.frozen.copy())

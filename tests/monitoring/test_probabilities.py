@@ -90,7 +90,7 @@ def at_rest(belief: Belief, age: int, fresh: bool) -> tuple[float, float]:
     estimator.x[:6] = 0.0
     estimator.score[:] = estimator.information[:] = 1.0, 0.0, 0.0
     sample = estimator.evidence()._replace(friction=np.full(3, 0.01))
-    traces.take(*bank.traces, *sample, ALL, ALL & fresh, now, True)
+    traces.accumulate(*bank.traces, *sample, ALL, ALL & fresh, now, True)
     J = traces.by_onset(bank.traces.J)
     return float(J[0, JUMPS.index("bias1")]), float(J[0, JUMPS.index("K1")])
 
@@ -290,7 +290,7 @@ def test_of_a_joint_that_stands_still_and_a_motion_that_nothing_explains_no_caus
 
 def test_only_an_encoder_that_has_stopped_lets_its_joint_go_on_moving(belief: Belief) -> None:
     estimator, angles = Estimator(belief, Tuning()), np.array([0.3, 0.2, 0.1])
-    estimator.begin(angles, False)
+    estimator.initialise(angles, False)
     estimator.x[W + 1], estimator.P[W : W + 3], estimator.P[:, W : W + 3] = 3.0, 0.0, 0.0
     onset, history = Onset(10, 1, estimator), Moments(40)
     found = Diagnosis([], history, 10, plausible_sizes(belief.arm), False, [StandsStill(2, 0.2, 0.01, 10, onset)])
@@ -311,7 +311,7 @@ def test_an_encoder_that_reads_anew_has_not_stopped_and_a_joint_that_is_read_els
     belief: Belief, reading: float, moves: bool
 ) -> None:
     estimator, angles = Estimator(belief, Tuning()), np.array([0.3, 0.2, 0.1])
-    estimator.begin(angles, False)
+    estimator.initialise(angles, False)
     still, history = StandsStill(2, 0.2, 0.01, 10, Onset(10, 1, estimator)), Moments(40)
     found = Diagnosis([], history, 10, plausible_sizes(belief.arm), False, [still])
     for second in (0.2, reading):

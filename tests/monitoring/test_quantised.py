@@ -120,10 +120,10 @@ def test_three_noisy_encoders_that_repeat_at_once_were_not_read(deviation: float
     expected, expectations = np.zeros(3), np.full(3, deviation)
     for _ in range(60):
         angles = q * np.round(2e-3 * generator.standard_normal(3) / q)
-        readings.take(angles)
+        readings.update(angles)
         readings.judge(expected, expectations, True)
     angles = np.where(np.arange(3) < repeats, angles, angles + q)
-    readings.take(angles)
+    readings.update(angles)
     assert readings.judge(angles, expectations, True).tolist() == [counts] * repeats + [True] * (3 - repeats)
     assert readings.judge(angles + 10.0 * deviation, expectations, True).tolist()[:repeats] == [False] * repeats
 
@@ -152,7 +152,7 @@ def test_other_faults_are_found_through_such_encoders(fault: str) -> None:
 
 def taken(readings: Readings, angle: float, expected: float, deviation: float) -> bool:
     """Whether a reading of joint 1 counts that was expected like that."""
-    readings.take(np.array([angle, 0.0, 0.0]))
+    readings.update(np.array([angle, 0.0, 0.0]))
     used = readings.judge(np.array([expected, 0.0, 0.0]), np.array([deviation, 1.0, 1.0]), True)
     return bool(used[0])
 
@@ -165,7 +165,7 @@ def test_a_reading_that_is_looked_at_again_measures_the_nearest_angle_within_its
     here = 24 * q
     expected = here + side * 3.0 * q
     assert [taken(readings, here, expected, 1e-2) for _ in range(24)] == [False] * 24
-    angles = readings.take(np.array([here, 0.0, 0.0]))
+    angles = readings.update(np.array([here, 0.0, 0.0]))
     used = readings.judge(np.array([expected, 0.0, 0.0]), np.array([1e-2, 1.0, 1.0]), True)
     assert used[0]
     assert angles[0] == pytest.approx(here + side * 0.5 * q, abs=1e-12)
@@ -176,7 +176,7 @@ def test_the_resolution_is_the_common_divisor_of_the_steps() -> None:
     generator = np.random.default_rng(0)
     q = resolution(14)
     for _ in range(30):
-        readings.take(np.array([q * generator.integers(50), generator.random(), 0.0]))
+        readings.update(np.array([q * generator.integers(50), generator.random(), 0.0]))
     assert readings.resolution[0] == pytest.approx(q, rel=1e-9)
     assert readings.resolution[1] == 0.0
 
@@ -223,7 +223,7 @@ def test_a_reading_far_off_that_stays_counts_unless_it_is_a_lost_sample_of_a_spi
     rest = q * np.round(noise * generator.standard_normal((60, 3)) + np.array([[0.0], [1.0]] * 30))
 
     def used(angles: np.ndarray) -> bool:
-        readings.take(angles)
+        readings.update(angles)
         return bool(readings.judge(predicted, np.full(3, 2.0 * q), True)[0])
 
     for angles in rest:

@@ -53,7 +53,7 @@ def test_a_trace_is_the_difference_of_the_innovations(
     seen = stream(run_cell())
     first = int(np.flatnonzero(seen.gripped)[5])
     estimator = Estimator(belief, Tuning())
-    estimator.begin(seen.measured[0], False)
+    estimator.initialise(seen.measured[0], False)
     for k in range(1, first + 2):
         estimator.predict(seen.volts[k - 1, :3], bool(seen.gripped[k - 1]))
         estimator.correct(seen.measured[k], ALL)
@@ -113,7 +113,7 @@ def test_healthy_innovations_stay_below_the_threshold_and_a_fault_passes_it(
 ) -> None:
     seen = stream(run_cell(45.0, 3, "K1*=0.8@40"))
     estimator = Estimator(belief, Tuning())
-    estimator.begin(seen.measured[0], False)
+    estimator.initialise(seen.measured[0], False)
     bank = SignatureBank(plausible_sizes(belief.arm))
     follow(bank, estimator, seen, 1, 100)
     highest = 0.0
@@ -134,7 +134,7 @@ def test_healthy_innovations_stay_below_the_threshold_and_a_fault_passes_it(
 def test_onsets_reach_back_and_get_sparser(belief: Belief, run_cell: Callable[..., Log]) -> None:
     seen = stream(run_cell())
     estimator = Estimator(belief, Tuning())
-    estimator.begin(seen.measured[0], False)
+    estimator.initialise(seen.measured[0], False)
     bank = SignatureBank(plausible_sizes(belief.arm))
     follow(bank, estimator, seen, 1, 3000)
     onsets = [onset.sample for onset in bank.onsets()]
@@ -157,7 +157,7 @@ def test_what_cannot_be_seen_is_not_visible(belief: Belief, run_cell: Callable[.
     assert last - first > 200
     seen = stream(log)
     estimator = Estimator(belief, Tuning())
-    estimator.begin(seen.measured[0], False)
+    estimator.initialise(seen.measured[0], False)
     bank = SignatureBank(plausible_sizes(belief.arm))
     follow(bank, estimator, seen, 1, first)
     bank.clear()
@@ -185,7 +185,7 @@ def test_information_is_that_of_the_onset_next_to_a_sample(belief: Belief, run_c
     seen, sizes = stream(run_cell()), plausible_sizes(belief.arm)
     estimator, bank = Estimator(belief, Tuning()), SignatureBank(sizes)
     assert not bank.information(0).any()
-    estimator.begin(seen.measured[0], False)
+    estimator.initialise(seen.measured[0], False)
     for k in range(1, 400):
         estimator.predict(seen.volts[k - 1, :3], bool(seen.gripped[k - 1]))
         estimator.correct(seen.measured[k], ALL)

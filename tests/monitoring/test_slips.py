@@ -46,7 +46,7 @@ def test_a_lost_box_is_seen_for_some_samples_after_it_touches_the_arm_no_more(
     belief: Belief, fault: str, waits: int
 ) -> None:
     begun = Estimator(belief, Tuning())
-    begun.begin(np.zeros(3), True)
+    begun.initialise(np.zeros(3), True)
     candidate = Candidate(parse_fault_id(fault), Onset(0, 1, begun), plausible_sizes(belief.arm))
     seen = 0
     while candidate.waits:
@@ -97,7 +97,7 @@ def test_what_a_box_was_gripped_from_may_carry_it_until_the_arm_has_left_that_pl
     lacking = replace(belief, error=Unmodelled(white=(1e-3,) * 3, slow=(0.01,) * 3, grip=0.5))
     resting, left = Estimator(lacking, Tuning()), Estimator(lacking, Tuning())
     for estimator in (resting, left):
-        estimator.begin(np.zeros(3), False)
+        estimator.initialise(np.zeros(3), False)
         for _ in range(100):
             estimator.predict(np.zeros(3), False)
             estimator.correct(np.zeros(3), ALL)

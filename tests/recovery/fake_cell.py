@@ -192,7 +192,7 @@ def watched(cell: FakeCell, record: MachineRecord | None = None) -> Operator:
     """The operator after 60 s at a cell; the upload of the healthy arm's model is left out of its list."""
     desk = Desk(cast(Bus, cell), cell.over, lambda time: None, 60.0)
     measures = Measures(desk, HEALTHY, record)
-    measures.begin()
+    measures.put_into_force()
     cell.uploads.clear()
     operator = Operator(desk, measures)
     operator.watch()

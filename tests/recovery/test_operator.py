@@ -47,7 +47,7 @@ def test_nothing_found_is_nothing_done(cell: FakeCell) -> None:
 def test_a_model_in_force_is_not_sent_again(cell: FakeCell, share: float, uploads: int) -> None:
     """A device may read back another last digit than it was sent."""
     cell._now = msgspec.structs.replace(cell._now, model=scaled(HEALTHY, "K", 1.0 + share))
-    Measures(Desk(cast(Bus, cell), cell.over, lambda time: None, 60.0), HEALTHY).begin()
+    Measures(Desk(cast(Bus, cell), cell.over, lambda time: None, 60.0), HEALTHY).put_into_force()
     assert len(cell.uploads) == uploads
 
 
@@ -189,7 +189,7 @@ def test_settings_that_are_taken_back_are_told(cell: FakeCell) -> None:
     cell.found["bias1"] = (20.0, 0.01, 1e-4)
     desk = Desk(cast(Bus, cell), cell.over, lambda time: None, 60.0)
     measures = Measures(desk, HEALTHY)
-    measures.begin()
+    measures.put_into_force()
     cell.roll_back = True
     operator = Operator(desk, measures)
     operator.watch()

@@ -59,7 +59,7 @@ class Emulator:
         self.volts = (0.0, 0.0, 0.0, 3.0)
         self.copies = 1
         self._publish = self.bus.publisher(VOLTAGES)
-        self.bus.subscribe(SENSORS, Sensors, self._take)
+        self.bus.subscribe(SENSORS, Sensors, self._on_sample)
         self.bus.subscribe(TRUTH, Truth, self.truths.append)
         self.bus.subscribe(EVENTS, Event, self.events.append)
         self.bus.subscribe(STATUS, Status, self._note)
@@ -84,7 +84,7 @@ class Emulator:
     def tick(self) -> int:
         return self.samples[-1].sequence if self.samples else -1
 
-    def _take(self, sample: Sensors) -> None:
+    def _on_sample(self, sample: Sensors) -> None:
         self.samples.append(sample)
         if self.answering:
             for _ in range(self.copies):

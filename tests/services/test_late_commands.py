@@ -64,7 +64,7 @@ def healthy() -> list[Sensors | Voltages | Acted]:
 def monitored(messages: Traffic) -> Monitor:
     monitor, ticks = Monitor(assumed(ArmParameters(), UNHEARD)), Ticks()
     for message in messages:
-        for sensors, acted in ticks.take(message):
+        for sensors, acted in ticks.add(message):
             volts = np.array(acted.volts)
             monitor.update(sensors.sequence, np.array(sensors.theta), volts, acted.box_gripped)
     return monitor

@@ -14,7 +14,7 @@ from dtwin.errors import ModelError
 from dtwin.logs.log import Log
 from dtwin.logs.reading import read_log
 from dtwin.parameters import PERIOD, ArmParameters
-from dtwin.services.parts.part_files import begin, discard_markers
+from dtwin.services.parts.part_files import discard_markers, mark_begun
 from dtwin.services.recorder import Options, Recorder
 from dtwin.signals import Event, Sensors, Truth, Voltages
 from dtwin.view import live
@@ -123,7 +123,7 @@ def test_a_recorder_that_goes_on_after_a_reset_keeps_the_first_recording(tmp_pat
     if killed == "before":
         working = recorder()
     if killed == "between":
-        begin(log, 2)
+        mark_begun(log, 2)
         working = recorder()
     feed(working, 0, 50)
     if killed == "after":

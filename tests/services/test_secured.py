@@ -100,7 +100,7 @@ class Probe:
     def __exit__(self, *_: object) -> None:
         self.bus.close()
 
-    def hear(self, topic: Topic, message: type) -> "Probe":
+    def subscribe(self, topic: Topic, message: type) -> "Probe":
         self.bus.subscribe(topic, message, self.heard.append)
         return self
 
@@ -146,7 +146,7 @@ def test_whoever_has_no_valid_certificate_cannot_join(secured: Path, old: str, n
     ],
 )
 def test_who_may_publish(secured: Path, who: str, topic: Topic, message: Any, allowed: bool) -> None:
-    with Probe(secured, "controller").hear(topic, type(message)) as listener, Probe(secured, who) as publisher:
+    with Probe(secured, "controller").subscribe(topic, type(message)) as listener, Probe(secured, who) as publisher:
         publish = publisher.bus.publisher(topic)
         if allowed:
 
@@ -156,7 +156,7 @@ def test_who_may_publish(secured: Path, who: str, topic: Topic, message: Any, al
 
             until(passes, "the message passes")
         else:
-            listener.hear(EVENTS, Event)
+            listener.subscribe(EVENTS, Event)
             report, said = publisher.bus.publisher(EVENTS), Event(0.0, who, "")
 
             def follows() -> bool:
@@ -171,8 +171,8 @@ def test_who_may_publish(secured: Path, who: str, topic: Topic, message: Any, al
 
 def test_a_certificate_without_a_role_reads_nothing(secured: Path) -> None:
     file = variant(secured, "recorder", "certificates/recorder", "certificates/stranger")
-    with Probe(secured, "emulator") as emulator, Probe(file, "").hear(SENSORS, Sensors) as stranger:
-        with Probe(secured, "recorder").hear(SENSORS, Sensors) as recorder:
+    with Probe(secured, "emulator") as emulator, Probe(file, "").subscribe(SENSORS, Sensors) as stranger:
+        with Probe(secured, "recorder").subscribe(SENSORS, Sensors) as recorder:
             publish = emulator.bus.publisher(SENSORS)
 
             def hears() -> bool:

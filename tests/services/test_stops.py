@@ -57,11 +57,11 @@ class Emulator:
     def __init__(self, meet: str, latched: Latched, announced: bool = True) -> None:
         self.latch = Latch(latched, lambda changed: None)
         self.bus = Bus(open_peer(meet), key=KEY)
-        self.bus.answer(LATCH, LatchRequest, self._take, self._state)
+        self.bus.answer(LATCH, LatchRequest, self._latch, self._state)
         if announced:
             self.bus.announce("emulator")
 
-    def _take(self, request: LatchRequest) -> LatchState:
+    def _latch(self, request: LatchRequest) -> LatchState:
         if request.stop == "none":
             self.latch.release(request.number)
         else:

@@ -120,7 +120,7 @@ def test_linear_blocks_answer_as_the_blocks_do(simulator: Simulator, law: Law) -
     controller = simulator.controller
     theta = PLACES["red"].theta
     model = linear_blocks(controller, settings, theta, carries=True)
-    rest = np.array(controller.begin(theta, theta, settings, carries=True))
+    rest = np.array(controller.start(theta, theta, settings, carries=True))
     samples = 1e-9 * np.random.default_rng(1).standard_normal((60, 3))
     state = np.zeros(len(model.A))
     for sample in samples:
@@ -164,9 +164,9 @@ def test_both_runtimes_have_the_same_linear_blocks(law: Law) -> None:
     for runtime in runtimes:
         with chosen(runtime):
             controller = MotionController()
-        before = controller.begin(theta, theta, settings, carries=True)
+        before = controller.start(theta, theta, settings, carries=True)
         found.append(linear_blocks(controller, settings, theta, carries=True))
-        assert controller.begin(theta, theta, settings, carries=True) == before
+        assert controller.start(theta, theta, settings, carries=True) == before
     for native, python in zip(*found, strict=True):
         assert np.array_equal(native, python)
 

@@ -95,7 +95,7 @@ def test_blocks_answer_as_those_of_the_whole_application(simulator: Simulator) -
         if tick:
             volts = blocks.step(sensors.theta)
         else:
-            volts = blocks.begin(sensors.theta, "pickup", ControlSettings())
+            volts = blocks.start(sensors.theta, "pickup", ControlSettings())
         assert volts == command.volts[:3]
         assert blocks.path() == whole.target()
         cell.apply(command)

@@ -36,7 +36,7 @@ class ByHand:
         self.events: list[Event] = []
         self.statuses: dict[str, Status] = {}
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
-        self.bus.subscribe(SENSORS, Sensors, self._hear)
+        self.bus.subscribe(SENSORS, Sensors, self._on_sample)
         self.bus.subscribe(EVENTS, Event, self.events.append)
         self.bus.subscribe(STATUS, Status, self._note)
 
@@ -65,7 +65,7 @@ class ByHand:
         at = self.last.sequence
         until(lambda: self.last.sequence > at + 200, "the cell goes on", PATIENCE)
 
-    def _hear(self, sample: Sensors) -> None:
+    def _on_sample(self, sample: Sensors) -> None:
         if sample.sequence < FAR:
             self.samples.append(sample)
 

@@ -154,8 +154,8 @@ def test_a_lock_that_is_never_released_is_not_waited_for(tmp_path: Path, monkeyp
     monkeypatch.setattr(compiled, "_LONGEST", 0.1)
     lock = compiled._Lock(tmp_path / "new" / "a.lock")
     other = compiled._Lock(tmp_path / "new" / "a.lock")
-    lock.take()
-    other.take()
+    lock.acquire()
+    other.acquire()
     other.release()
     with open(tmp_path / "new" / "a.lock") as file:
         assert not compiled._locked(file.fileno())

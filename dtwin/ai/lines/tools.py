@@ -89,11 +89,11 @@ class AtLine:
 
         It is an error when a station cannot do it: as it was built, or as its twin says that its arm is now.
         """
-        return _told(self.doors.ask(LINE_PREDICT, SetUpQuestion(set_up), FlowEffect))
+        return _effect(self.doors.ask(LINE_PREDICT, SetUpQuestion(set_up), FlowEffect))
 
     def best_set_up(self) -> dict[str, Any]:
         """The set-up with which the twins expect most boxes/h of the stations as they are now."""
-        return _told(self.doors.ask(LINE_PREDICT, SetUpQuestion(), FlowEffect))
+        return _effect(self.doors.ask(LINE_PREDICT, SetUpQuestion(), FlowEffect))
 
     def propose_set_up(self, why: Why, based_on: Seen, set_up: SetUp) -> dict[str, Any]:
         """Proposes that other stations do some operations. The twins check it; the answer has what they expect."""
@@ -112,9 +112,9 @@ class AtLine:
         """Has other stations do some operations, if the twins and the zones' blocks let it pass, within limits."""
         expected = self.doors.ask(LINE_PREDICT, SetUpQuestion(set_up), FlowEffect)
         self.allowance.check_loss("boxes/h", expected.rate_now, expected.rate)
-        self.allowance.take()
+        self.allowance.count()
         done = self.doors.ask(SET_UP, SetUpRequest(self.who, why, based_on, set_up), SetUpDone)
-        return {"version": done.version, "effect": _told(done.effect)}
+        return {"version": done.version, "effect": _effect(done.effect)}
 
     def stop(self, why: Why, station: StationName) -> dict[str, Any]:
         """Stops the arm of a station, which keeps its box. Always allowed, counted by no limit; people release it."""
@@ -122,6 +122,6 @@ class AtLine:
         return {"stations": [marked(each) for each in state.stations if each.name == station]}
 
 
-def _told(effect: FlowEffect) -> dict[str, Any]:
+def _effect(effect: FlowEffect) -> dict[str, Any]:
     told: dict[str, Any] = marked(effect)
     return told

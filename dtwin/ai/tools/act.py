@@ -63,17 +63,17 @@ class Acting:
         change = change_of(self._station, now, why, based_on, (kp, ki, kd), target_time)
         change = msgspec.structs.replace(change, **others_of(self._station, assumed_box, model, None))
         self._check_step(now, change)
-        self._allowance.take()
-        return _told(self._station.doors.ask(UPLOAD, change, Upload))
+        self._allowance.count()
+        return _outcome(self._station.doors.ask(UPLOAD, change, Upload))
 
     def roll_back(self, why: Why) -> dict[str, Any]:
         """Takes back the settings on trial at once."""
-        return _told(self._station.doors.ask(ROLL_BACK, RollBackRequest(self._station.who, why), Upload))
+        return _outcome(self._station.doors.ask(ROLL_BACK, RollBackRequest(self._station.who, why), Upload))
 
     def answer_findings(self, parameters: FaultNames) -> dict[str, Any]:
         """Has settled findings that ask for one measure answered as recovery does; ask `answers` what came of it."""
         check_findings(parameters)
-        self._allowance.take()
+        self._allowance.count()
         return {"measure": self._answering.ask(parameters), "number": len(self._answering.answers) + 1}
 
     def answers(self) -> dict[str, Any]:
@@ -99,7 +99,7 @@ class Acting:
     def acknowledge(self, why: Why, parameter: FaultName) -> dict[str, Any]:
         """Has the monitor take the arm as it is to be normal, as far as one finding goes."""
         check_findings([parameter])
-        self._allowance.take()
+        self._allowance.count()
         verdict = self._station.doors.ask(ACKNOWLEDGE, AcknowledgeRequest(parameter), MonitoringVerdict)
         return {"units": {name: unit.state for name, unit in verdict.units.items()}}
 
@@ -119,5 +119,5 @@ class Acting:
             allowance.check_step("assumed_box", now.payload, change.payload)
 
 
-def _told(done: Upload) -> dict[str, Any]:
+def _outcome(done: Upload) -> dict[str, Any]:
     return {"version": done.version, "action": done.action, "on_trial": done.on_trial, "text": marked(done.text)}

@@ -61,7 +61,7 @@ class Opinion:
             if time > self._seen and (not self._unseen or now >= self._unseen[-1][0] + _GRID):
                 self._unseen.append((now, time))
 
-    def take(self, verdict: MonitoringVerdict, now: float) -> None:
+    def update(self, verdict: MonitoringVerdict, now: float) -> None:
         """A verdict has come; one that is far ahead of the samples is another run's and knows nothing of this one."""
         with self._lock:
             self._verdict, self._heard = verdict, now

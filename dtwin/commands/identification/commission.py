@@ -32,7 +32,7 @@ from dtwin.names import check_name
 from dtwin.parameters import ArmParameters, load_arm
 from dtwin.run.options import CellFileOption
 from dtwin.services.runfile import join
-from dtwin.task import Task, task_of, told
+from dtwin.task import Task, notes_of, task_of
 from dtwin.terminal import as_text, print_json, print_table
 
 if TYPE_CHECKING:
@@ -104,7 +104,7 @@ class Commission:
             else:
                 task = CellFileOption(cell_file=self.cell_file).task()
                 warn_of_places(task, arm)
-                kept = stages("live", self.cell, self.motion, self.watch, self.excite, told(task))
+                kept = stages("live", self.cell, self.motion, self.watch, self.excite, notes_of(task))
                 found = self._live(kept, arm, task, status.update)
                 self._write(found, status.update)
                 kept.finish(None if self.out is None else self.out.with_name(f"{self.out.name}.data"))
@@ -139,7 +139,7 @@ class Commission:
                     log = collect(bus, seconds, lambda done: progress(f"{name}: {done:.0f} of {seconds:.0f} s"))
                     if excite:
                         _let_go(bus)
-                replace(log, metadata={**log.metadata, **told(task)}).write_parquet(path)
+                replace(log, metadata={**log.metadata, **notes_of(task)}).write_parquet(path)
 
             progress(f"{name}: waits for the cell")
             return read_log(stages.file(f"{name}.parquet", make))

@@ -120,7 +120,7 @@ class LineReport:
         ensure_writable(self.report, _HTML)
         found = read(self.run)
         _write_page(found, self.report)
-        _told(found, self.json, self.report)
+        _print_summary(found, self.json, self.report)
         return 0
 
 
@@ -189,7 +189,7 @@ def _carried_out(
         _write_page(found, report)
     if drawing is not None and record is not None:
         drawing.write(record)
-    _told(found, json, report, run.time / run.wall if run.wall else 0.0)
+    _print_summary(found, json, report, run.time / run.wall if run.wall else 0.0)
     if record is not None and not json:
         print(f"recording: {record}")
     return int(found.lost > 0 or found.collisions > 0)
@@ -204,7 +204,7 @@ def _write_page(found: Kept, report: Path) -> None:
         temporary.write_text(page(found))
 
 
-def _told(found: Kept, json: bool, report: Path | None, factor: float = 0.0) -> None:
+def _print_summary(found: Kept, json: bool, report: Path | None, factor: float = 0.0) -> None:
     numbers = summary(found) | ({"real_time_factor": factor} if factor else {})
     if json:
         print_json(numbers)

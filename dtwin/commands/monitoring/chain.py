@@ -50,7 +50,7 @@ def _print(found: Watched, measured: Measurement) -> None:
     else:
         console.print("too few joints move for long enough to tell changes of drives, friction or load")
     for push in found.pushes:
-        console.print(as_text(_told(push)))
+        console.print(as_text(_push_text(push)))
     if not found.pushes:
         console.print("no push")
     for line in oddities(measured):
@@ -61,6 +61,6 @@ def _text(name: str, number: float) -> str:
     return f"{number:.3g} kg" if name == "load" else f"{100 * number:.0f} %"
 
 
-def _told(push: Push) -> str:
+def _push_text(push: Push) -> str:
     joints = ", ".join(push.joints)
     return f"push from {push.start:.2f} to {push.end:.2f} s, up to {push.size:.3g} N m (N), seen by {joints}"

@@ -53,7 +53,7 @@ class Allowance:
         self._at = at
         return self._left >= 1.0
 
-    def take(self) -> None:
+    def count(self) -> None:
         """Takes note that it is done."""
         self._left -= 1.0
 
@@ -234,7 +234,7 @@ class AlarmList:
     def _keep(self, action: Action, alarm: Alarm, at: float, who: str = "", why: str = "") -> None:
         left_out = self._waiting.pop(alarm.name, 0)
         for allowance in (self._allowed, self._allowances.setdefault(alarm.name, Allowance(BURST, EVERY))):
-            allowance.take()
+            allowance.count()
         self._journal.add(Change(self._journal.last + 1, at, action, alarm, who[:32], why[:1000], left_out))
 
     def _annunciate(self, at: float) -> None:

@@ -75,7 +75,7 @@ class Sessions:
         right = hmac.compare_digest(proof.encode(), self._hash(number).encode())
         return self._visitor(f"{number}.{proof}", user) if right else None
 
-    def begin(self, user: str, role: Role, proof: str, now: float) -> Session:
+    def open(self, user: str, role: Role, proof: str, now: float) -> Session:
         """A new session of somebody who has logged in."""
         session = Session(secrets.token_urlsafe(32), secrets.token_urlsafe(32), user, role, proof)
         with self._lock:

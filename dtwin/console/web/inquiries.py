@@ -17,7 +17,7 @@ from dtwin.console.calculations.logs import logs_in
 from dtwin.console.calculations.tasks import Compare, Task, Work
 from dtwin.console.console import Console
 from dtwin.console.people.sessions import Session
-from dtwin.console.web.replies import address_of, body, number_in, told
+from dtwin.console.web.replies import address_of, as_json, body, number_in
 from dtwin.errors import ParameterError
 from dtwin.identification.store import ModelStore
 from dtwin.simulation.history import Entry, History
@@ -78,10 +78,10 @@ class Inquiries:
         ring = self._console.ring
         span = ring.span
         if span is None:
-            return told({"span": None})
+            return as_json({"span": None})
         at = number_in(request, "at", span[1])
         state = ring.state(at)
-        return told(
+        return as_json(
             {
                 "span": span,
                 "columns": ring.columns,
@@ -93,19 +93,19 @@ class Inquiries:
 
     async def _history(self, request: Request, session: Session) -> Response:
         entries = await run_in_threadpool(History(self._console.files.history).entries)
-        return told({"entries": _with_differences(entries)[-ENTRIES:]})
+        return as_json({"entries": _with_differences(entries)[-ENTRIES:]})
 
     async def _models(self, request: Request, session: Session) -> Response:
         store = ModelStore(self._console.files.store)
         found = await run_in_threadpool(lambda: [entry for name in store.names() for entry in store.history(name)])
-        return told({"models": [str(entry) for entry in found]})
+        return as_json({"models": [str(entry) for entry in found]})
 
     async def _logs(self, request: Request, session: Session) -> Response:
-        return told({"logs": logs_in(self._console.files.recordings)})
+        return as_json({"logs": logs_in(self._console.files.recordings)})
 
     async def _alarms(self, request: Request, session: Session) -> Response:
         words = request.query_params.get("words", "")[:200]
-        return told({"columns": COLUMNS_OF_ALARMS, "rows": self._console.annunciator.history(words)})
+        return as_json({"columns": COLUMNS_OF_ALARMS, "rows": self._console.annunciator.history(words)})
 
     async def _csv(self, request: Request, session: Session) -> Response:
         text = self._console.annunciator.csv(request.query_params.get("words", "")[:200])
@@ -121,7 +121,7 @@ class Inquiries:
         await run_in_threadpool(self._console.desk.ask, "keep", session)
         # On the loop's own thread, as everything that the list of alarms is told.
         answer = self._console.treat(request.path_params["action"], treatment, session, address_of(request))
-        return told(answer, 200 if answer.done else 409)
+        return as_json(answer, 200 if answer.done else 409)
 
 
 def _with_differences(entries: list[Entry]) -> list[dict[str, Any]]:

@@ -20,7 +20,7 @@ from starlette.routing import Route
 
 from dtwin.console.people.sessions import Session
 from dtwin.console.people.users import may
-from dtwin.console.web.replies import body, told
+from dtwin.console.web.replies import as_json, body
 from dtwin.errors import ParameterError
 from dtwin.parameters import ROOT
 
@@ -109,11 +109,11 @@ class Jobs:
             if oldest.task is not None:
                 oldest.task.cancel()
         job.task = asyncio.create_task(_work(job, asked))
-        return told({"done": True, "text": "", "job": number})
+        return as_json({"done": True, "text": "", "job": number})
 
     async def _look(self, request: Request, session: Session) -> Response:
         job = self._job(request, session)
-        return told(
+        return as_json(
             {
                 "done": job.done,
                 "of": job.of,
@@ -128,7 +128,7 @@ class Jobs:
         job = self._job(request, session)
         if job.task is not None:
             job.task.cancel()
-        return told({"done": True, "text": "ended"})
+        return as_json({"done": True, "text": "ended"})
 
     def _job(self, request: Request, session: Session) -> Job:
         job = self._jobs.get(request.path_params["number"])
@@ -157,7 +157,7 @@ async def _work(job: Job, asked: bytes) -> None:
         process.stdin.close()
         async with asyncio.timeout(LONGEST):
             while line := await process.stdout.readline():
-                _take(job, msgspec.json.decode(line, type=Said))
+                _update(job, msgspec.json.decode(line, type=Said))
         if job.result is None and not job.error:
             job.error = "the calculation ended without a result"
     except TimeoutError:
@@ -173,7 +173,7 @@ async def _work(job: Job, asked: bytes) -> None:
             await process.wait()
 
 
-def _take(job: Job, said: Said) -> None:
+def _update(job: Job, said: Said) -> None:
     job.done, job.of = said.done or job.done, said.of or job.of
     job.best = said.best if said.best is not None else job.best
     job.error = said.error or job.error

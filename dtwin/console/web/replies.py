@@ -14,7 +14,7 @@ LARGEST: Final = 65536
 """Length of the longest body of a request, bytes."""
 
 
-def told(content: Any, status: int = 200) -> Response:
+def as_json(content: Any, status: int = 200) -> Response:
     """An answer in JSON."""
     return Response(msgspec.json.encode(content), status, media_type="application/json")
 

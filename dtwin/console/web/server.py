@@ -25,7 +25,7 @@ from dtwin.console.people.sessions import LIFETIME, Session
 from dtwin.console.web.gatekeeper import Gatekeeper
 from dtwin.console.web.inquiries import Inquiries
 from dtwin.console.web.jobs import Jobs
-from dtwin.console.web.replies import address_of, body, told
+from dtwin.console.web.replies import address_of, as_json, body
 from dtwin.console.web.stream import Stream
 from dtwin.errors import DtwinError, RecordingError
 
@@ -121,9 +121,9 @@ class Server:
         async def checked(request: Request) -> Response:
             session = self._find(request)
             if session is None:
-                return told({"text": "log in first"}, 401)
+                return as_json({"text": "log in first"}, 401)
             if request.method == "POST" and request.headers.get("x-csrf-token") != session.token:
-                return told({"text": "the token of this session is missing: load the page again"}, 403)
+                return as_json({"text": "the token of this session is missing: load the page again"}, 403)
             return await said(lambda asked: handle(asked, session))(request)
 
         return checked
@@ -142,26 +142,26 @@ class Server:
     async def _login(self, request: Request) -> Response:
         console = self.console
         if console.users is None:
-            return told({"text": "nobody need log in here"}, 400)
+            return as_json({"text": "nobody need log in here"}, 400)
         try:
             given = msgspec.json.decode(await body(request), type=Credentials)
         except (msgspec.MsgspecError, DtwinError):
-            return told({"text": "expected a name and a password"}, 400)
+            return as_json({"text": "expected a name and a password"}, 400)
         address, name = address_of(request), given.name[:100]
         now, before = console.clocks.steady(), self._find(request)
         wait = console.attempts.wait(address, name, now)
         if wait and (before is None or before.user != name):
-            return told({"text": f"too many attempts: wait {math.ceil(wait)} s"}, 429)
+            return as_json({"text": f"too many attempts: wait {math.ceil(wait)} s"}, 429)
         # It counts as failed until it is known to be right, also while others try.
         console.attempts.fail(address, name, now)
         async with self._hashing:
             user = await run_in_threadpool(console.users.verified, given.name, given.password)
         await run_in_threadpool(console.note_login, name, address, None if user is None else user.role)
         if user is None:
-            return told({"text": "the name or the password is wrong"}, 401)
+            return as_json({"text": "the name or the password is wrong"}, 401)
         console.attempts.clear(address, name)
-        session = console.sessions.begin(name, user.role, user.scrypt, console.clocks.steady())
-        return self._enter(session, told({"text": "welcome"}))
+        session = console.sessions.open(name, user.role, user.scrypt, console.clocks.steady())
+        return self._enter(session, as_json({"text": "welcome"}))
 
     def _enter(self, session: Session, response: Response) -> Response:
         """Gives the browser the cookie of a session."""
@@ -179,10 +179,10 @@ class Server:
     async def _logout(self, request: Request, session: Session) -> Response:
         await run_in_threadpool(self.console.desk.ask, "leave", session)
         self.console.sessions.end(session.key)
-        return told({"text": "logged out"})
+        return as_json({"text": "logged out"})
 
     async def _session(self, request: Request, session: Session) -> Response:
-        return told(
+        return as_json(
             {
                 "token": session.token,
                 "user": session.user,
@@ -196,15 +196,15 @@ class Server:
         done, text = await run_in_threadpool(
             self.console.change_desk, request.path_params["action"], session, address_of(request)
         )
-        return told(Answer(done, text), 200 if done else 409)
+        return as_json(Answer(done, text), 200 if done else 409)
 
     async def _command(self, request: Request, session: Session) -> Response:
         name = request.path_params["name"]
         if name not in self.console.hub.commands:
-            return told(Answer(False, f"no command {name[:50]!r}"), 404)
+            return as_json(Answer(False, f"no command {name[:50]!r}"), 404)
         content = await body(request)
         answer = await run_in_threadpool(self.console.command, name, content, session, address_of(request))
-        return told(answer, 200 if answer.done else 409)
+        return as_json(answer, 200 if answer.done else 409)
 
     async def _follow(self, socket: WebSocket) -> None:
         session = self._find(socket)
@@ -221,8 +221,8 @@ def said(handle: Callable[[Request], Awaitable[Response]]) -> Callable[[Request]
         try:
             return await handle(request)
         except RecordingError as error:
-            return told(Answer(False, str(error)), 503)
+            return as_json(Answer(False, str(error)), 503)
         except DtwinError as error:
-            return told(Answer(False, str(error)), 400)
+            return as_json(Answer(False, str(error)), 400)
 
     return answered

@@ -124,7 +124,7 @@ class Stream:
             told = msgspec.json.encode(state)
             console.ring.add_state(at, told)
             if self._readers:
-                alarms = msgspec.json.encode(console.annunciator.told(at))
+                alarms = msgspec.json.encode(console.annunciator.message(at))
                 for reader in self._readers:
                     self._tell_state(reader, state, told)
                     reader.put_changed("alarms", alarms)

@@ -145,7 +145,7 @@ class ContactBoxes:
 
     def arrive(self, time: float) -> Event | None:
         """Lets the next box enter at a plant time (s); it is turned away while another one is on the belt."""
-        box = self._arrivals.take()
+        box = self._arrivals.next_box()
         for body in self._bodies:
             if body and body.stage is Stage.COMING:
                 text = f"a {box.colour} box was turned away: a {body.box.colour} one is still on the belt"

@@ -66,7 +66,7 @@ class Rig:
         encoding = encoding_of(self.machine, generator.spawn(1)[0])
         encoders = Encoders(self.noise_kind, self.noise, generator, encoding)
         signal = plan.signal
-        controller.begin(signal.amplitude, signal.unit, signal.delay, plan.samples)
+        controller.start(signal.amplitude, signal.unit, signal.delay, plan.samples)
         measured, volts = np.empty((plan.samples, 3)), np.empty((plan.samples, 3))
         for k in range(plan.samples):
             first, second, third, gripper = encoders.measure(plant.sampled, plant.time)

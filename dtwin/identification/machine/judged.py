@@ -104,7 +104,7 @@ class Judged:
         return "approximate" if worst >= POOR else "unusable"
 
     @property
-    def told(self) -> tuple[str, ...]:
+    def identified(self) -> tuple[str, ...]:
         """Names of the numbers that the data tell; of the others the data sheet tells nearly all that is known."""
         priors, deviations = self.found.problem.priors, self.found.deviations
         return tuple(name for name, deviation in deviations.items() if deviation < TOLD * priors[name].deviation)
@@ -167,7 +167,7 @@ def record_of(judged: Judged, sensors: SensorCheck, arm: ArmParameters, source: 
         source: description of the data.
     """
     found = judged.found
-    priors, deviations, told = found.problem.priors, found.deviations, judged.told
+    priors, deviations, told = found.problem.priors, found.deviations, judged.identified
     values = dict(zip((*PARAMETER_NAMES, *EFFECT_NAMES), found.vector.tolist(), strict=False))
     numbers = {
         name: Number(value, deviations.get(name, 0.0), priors[name].mean, priors[name].deviation, name in told)

@@ -54,12 +54,12 @@ def state_of(run: AskedRun, late: int) -> LineState:
         run.rate(max(0.0, run.time - RECENT)),
         tuple(stations),
         tuple(vehicles),
-        tuple(map(_told, run.course.decisions[-TOLD:])),
+        tuple(map(_decision, run.course.decisions[-TOLD:])),
         late,
     )
 
 
-def _told(decision: Decision) -> LineDecision:
+def _decision(decision: Decision) -> LineDecision:
     return LineDecision(
         decision.time,
         decision.who[:32],

@@ -113,12 +113,12 @@ class ArmMonitor:
         found = self.finding
         findings: tuple[MonitoredUnit, ...] = ()
         if found is not None:
-            told = self._told(found)
+            told = self._unit(found)
             findings = (told,)
             units[TOOL if found.joint is None else f"joint {found.joint}"] = told
         return MonitoringVerdict(self.time, units, (), (), self.missed, 0, findings)
 
-    def _told(self, found: ChainFinding) -> MonitoredUnit:
+    def _unit(self, found: ChainFinding) -> MonitoredUnit:
         state: UnitState = "failed" if self._watch.settled else "may be degrading"
         return MonitoredUnit(
             state,

@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 
 
 class Evidence(NamedTuple):
-    """What `traces.take` needs to know of a sample: see there."""
+    """What `traces.accumulate` needs to know of a sample: see there."""
 
     x: Array
     lowest: Array

@@ -122,13 +122,13 @@ class Estimator:
         self._cloned: tuple[str, ...] = ()
         self._clones, self._C, self._B = np.zeros(0), np.zeros((SIZE, 0)), np.zeros(0)
 
-    def begin(self, measured: Array, gripped: bool) -> None:
+    def initialise(self, measured: Array, gripped: bool) -> None:
         """Starts at an arm about whose motion nothing is known but one sample; what was learned of the arm stays."""
         x, P = self.x, self.P
         x[:W] = measured - x[BIAS:DRIFT] - self._motion.eccentricity(measured)
         x[W:ARM] = 0.0
         P[:ARM], P[:, :ARM], self._C[:ARM] = 0.0, 0.0, 0.0
-        self._motion.begin()
+        self._motion.reset()
         self._command[:] = np.nan
         np.fill_diagonal(P[:W, :W], 1.0)
         np.fill_diagonal(P[W:ARM, W:ARM], self.tuning.speed**2)

@@ -35,7 +35,7 @@ LATEST: Final = 2
 class Motion(Protocol):
     """The arm in one sample."""
 
-    def begin(self) -> None:
+    def reset(self) -> None:
         """Forgets the commands before: nothing is known of them."""
 
     def carry(self, x: Array, volts: Array, gripped: bool, locked: int) -> tuple[Array, Array]:
@@ -81,7 +81,7 @@ class MachineMotion:
         self._acting, self._mean = np.full((2, 3), np.nan)
         self._later = np.zeros(3)
 
-    def begin(self) -> None:
+    def reset(self) -> None:
         """Takes commands and voltages before to be like the next ones."""
         self._acting[:] = self._mean[:] = np.nan
 

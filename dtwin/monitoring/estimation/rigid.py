@@ -47,8 +47,8 @@ class RigidMotion:
         self._twin = TwinArrays(empty, moved, nominal)
         self._last = np.full((1, 3), np.nan)
 
-    def begin(self) -> None:
-        """See `Motion.begin`."""
+    def reset(self) -> None:
+        """See `Motion.reset`."""
         self._last[:] = np.nan
 
     def carry(self, x: Array, volts: Array, gripped: bool, locked: int) -> tuple[Array, Array]:

@@ -225,7 +225,7 @@ def carry(
 
 
 @kernel
-def begin(
+def place_onset(
     E: Array,
     h: Array,
     J: Array,
@@ -286,7 +286,7 @@ def _to_the_end(order: NDArray[np.int64], position: int) -> int:
 
 
 @kernel(uses=(lanes,))
-def take(
+def accumulate(
     E: Array,
     h: Array,
     J: Array,
@@ -335,4 +335,4 @@ def take(
     if (bounds != everywhere[:_FAULTS]).any():
         for place in range(ONSETS):
             everywhere[place * _FAULTS : (place + 1) * _FAULTS] = bounds
-    return begin(E, h, J, at_once, rows, samples, order, gaps, sample)
+    return place_onset(E, h, J, at_once, rows, samples, order, gaps, sample)

@@ -70,7 +70,7 @@ class Rehearsal:
     def __init__(self, belief: Belief, settings: MonitorSettings) -> None:
         self.monitor = Monitor(belief, settings)
         self._arm = Estimator(belief, settings.tuning)
-        self._arm.begin(np.array(HANGING), False)
+        self._arm.initialise(np.array(HANGING), False)
         self._random = np.random.default_rng(0)
         self._sample = 0
         self._reading = 0.0

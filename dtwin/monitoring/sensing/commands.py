@@ -46,6 +46,6 @@ def closes(command: Array, gripped: bool | NDArray[np.bool_]) -> NDArray[np.bool
     return found
 
 
-def tells(values: Array) -> bool:
+def all_finite(values: Array) -> bool:
     """Whether all of some numbers are finite."""
     return all(map(math.isfinite, values.tolist()))

@@ -60,7 +60,7 @@ class GripperWatch:
         self._place, self._reached, self._held, self._last = 0.0, 0, 0.0, 0
         self.fails, self.since, self.stirred = False, 0, -1
 
-    def take(self, sample: int, angle: float, volts: float) -> bool:
+    def update(self, sample: int, angle: float, volts: float) -> bool:
         """Takes in a sample and the command that answered it; returns whether `fails` has changed.
 
         Args:
@@ -73,7 +73,7 @@ class GripperWatch:
         unseen = not 0 < sample - self._last <= _UNSEEN + 1
         failed, direction, self._last = self.fails, self._driven(volts), sample
         if direction != self._direction or unseen:
-            self._begin(sample, angle, direction)
+            self._start_move(sample, angle, direction)
         if not direction:
             return False
         if abs(angle - self._place) > _STANDS:
@@ -101,22 +101,22 @@ class GripperWatch:
         """The number of samples, from the first one on, that change nothing of `fails`.
 
         Args:
-            sample, angle, volts: (N,), as for `take`.
+            sample, angle, volts: (N,), as for `update`.
         """
         if self._goes_on(angle, volts) >= 0.0:
             return len(sample)
         ahead = copy.copy(self)
         rows = zip(sample.tolist(), angle.tolist(), volts.tolist(), strict=True)
-        return next((row for row, each in enumerate(rows) if ahead.take(*each)), len(sample))
+        return next((row for row, each in enumerate(rows) if ahead.update(*each)), len(sample))
 
     def pass_over(self, sample: NDArray[np.int64], angle: Array, volts: Array) -> None:
-        """Takes in samples that change nothing of `fails`; (N,), as for `take`."""
+        """Takes in samples that change nothing of `fails`; (N,), as for `update`."""
         farthest = self._goes_on(angle, volts)
         if farthest >= 0.0:
             self._farthest, self._last = farthest, int(sample[-1])
             return
         for each in zip(sample.tolist(), angle.tolist(), volts.tolist(), strict=True):
-            self.take(*each)
+            self.update(*each)
 
     def _goes_on(self, angle: Array, volts: Array) -> float:
         """How far the jaw has gone after samples that tell nothing new, below 0 if they do; see `_farthest`."""
@@ -126,7 +126,7 @@ class GripperWatch:
         how = (direction, self._from, self._farthest, self._place, least)
         return float(_farthest(*how, angle.copy(), volts.copy()))
 
-    def _begin(self, sample: int, angle: float, direction: int) -> None:
+    def _start_move(self, sample: int, angle: float, direction: int) -> None:
         """The drive changes with a sample."""
         gripper = self._gripper
         middle = 0.5 * (gripper.closed + gripper.opened)
@@ -164,7 +164,7 @@ def _farthest(
         farthest: how far the jaw has gone so far, rad.
         place: angle at which it stands, rad.
         least: voltage from which on the gripper counts as driven, V.
-        angle, volts: (N,), as for `GripperWatch.take`.
+        angle, volts: (N,), as for `GripperWatch.update`.
     """
     most = farthest
     for k in range(len(angle)):

@@ -50,7 +50,7 @@ joint goes so far in a sample"""
 
 
 @kernel
-def take(
+def apply(
     measured: Array,
     last: Array,
     known: Flags,

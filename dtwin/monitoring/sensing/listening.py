@@ -53,7 +53,7 @@ class Listening:
         self._calm = self._heard = 0
         self.left = PATIENCE
 
-    def take(self, estimator: Estimator, used: NDArray[np.bool_]) -> bool:
+    def update(self, estimator: Estimator, used: NDArray[np.bool_]) -> bool:
         """Takes in what an estimator made of a sample, with the readings used, (3,); whether it was the last one
         needed."""
         still = used.all() and np.abs(estimator.x[W:ARM]).max() < _STILL
@@ -74,7 +74,7 @@ class Listening:
         return tuple(judge([segment[:, joint] for segment in told]) for joint in range(3))
 
 
-def hear(belief: Belief, tuning: Tuning, moments: Moments, listening: Listening) -> Belief:
+def with_noise(belief: Belief, tuning: Tuning, moments: Moments, listening: Listening) -> Belief:
     """A belief with the noise that was heard.
 
     Args:
@@ -92,7 +92,7 @@ def hear(belief: Belief, tuning: Tuning, moments: Moments, listening: Listening)
             break
         again, estimator = Listening(), Estimator(heard, tuning)
         for moment, _ in _replayed(estimator, moments):
-            again.take(estimator, moment.used)
+            again.update(estimator, moment.used)
         heard = _with(belief, again.judge())
     return heard
 
@@ -126,7 +126,7 @@ def _replayed(estimator: Estimator, moments: Moments) -> Iterator[tuple[Moment, 
             estimator.predict(moment.volts, moment.gripped, moment.doubt)
             likelihood = estimator.correct(moment.measured, moment.used)
         else:
-            estimator.begin(moment.measured, moment.gripped)
+            estimator.initialise(moment.measured, moment.gripped)
         yield moment._replace(likelihood=likelihood), regripped
 
 

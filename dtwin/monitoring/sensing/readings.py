@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from dtwin.identification.estimation.quality import code_width, noise
 from dtwin.monitoring.estimation.belief import NOISE_FLOOR
-from dtwin.monitoring.sensing.judging import DEVIATIONS, FAR, FROZEN, NOISY, RESOLUTIONS, judge, take
+from dtwin.monitoring.sensing.judging import DEVIATIONS, FAR, FROZEN, NOISY, RESOLUTIONS, apply, judge
 from dtwin.parameters import Triple
 
 Array = NDArray[np.float64]
@@ -42,7 +42,7 @@ _ALL: Final = np.ones(3, dtype=bool)
 
 
 class ReadingsArrays(NamedTuple):
-    """What `take` and `judge` work with, (3,) each; see there."""
+    """What `apply` and `judge` work with, (3,) each; see there."""
 
     last: Array
     known: Flags
@@ -142,10 +142,10 @@ class Readings:
         )
 
     def took(self, measured: Array, angles: Array) -> None:
-        """Notes the last sample and the angles that it measures, (3,) rad each, after `take` and `judge`."""
+        """Notes the last sample and the angles that it measures, (3,) rad each, after `apply` and `judge`."""
         self.last, self._angles = measured, angles
 
-    def take(self, measured: Array) -> Array:
+    def update(self, measured: Array) -> Array:
         """Takes in a sample, (3,) rad; returns the angles that it measures, (3,) rad."""
         if self._learning:
             known = self._steps >= _TELLING
@@ -153,7 +153,7 @@ class Readings:
         else:
             known = _ALL
         self._angles = angles = np.empty(3)
-        take(
+        apply(
             measured,
             self.last,
             known,

@@ -72,7 +72,7 @@ class Moments:
         """Takes a sample for the last one."""
         self._write(self._end - 1, moment)
 
-    def take(self, moments: Iterable[Moment]) -> None:
+    def replace(self, moments: Iterable[Moment]) -> None:
         """Takes samples for all there were."""
         self.clear()
         for moment in moments:

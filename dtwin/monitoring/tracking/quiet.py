@@ -186,7 +186,7 @@ def _work(
         measured = told[k, :3]
         volts[k], doubts[k] = held[:3], grip if held[3] < 0.0 and not gripped else 0.0
         held[:] = told[k, 3:]
-        sensing.take(
+        sensing.apply(
             measured,
             last,
             r.known,
@@ -252,7 +252,7 @@ def _work(
             return k + 1, doubted, False
         doubted = in_doubt(doubted, doubts[k], f)
         counted[k] = not doubted
-        place = traces.take(
+        place = traces.accumulate(
             t.E,
             t.h,
             t.J,

@@ -16,7 +16,7 @@ class Recall:
     def __init__(self) -> None:
         self._sample = -1
 
-    def take(
+    def update(
         self,
         sample: int,
         readings: Readings,

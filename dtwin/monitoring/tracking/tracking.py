@@ -50,7 +50,7 @@ class Tracking:
         self.sample, self.command, self.gripped, self.used = -1, np.zeros(4), False, _NONE
         self._doubted = 0
 
-    def take(
+    def step(
         self, estimator: Estimator, angles: Array, arrived: bool, command: Array, doubt: float, trusted: bool
     ) -> Moment:
         """Takes in the next sample.
@@ -66,7 +66,7 @@ class Tracking:
         estimator.predict(command, self.gripped, doubt)
         self.used = self.readings.judge(*estimator.expected(), trusted) if arrived else _NONE
         if arrived:
-            self._recall.take(self.sample, self.readings, estimator, self.bank, self.moments)
+            self._recall.update(self.sample, self.readings, estimator, self.bank, self.moments)
         likelihood = estimator.correct(angles, self.used)
         return Moment(command, self.gripped, doubt, angles, self.used, self.readings.fresh, False, likelihood)
 
@@ -116,6 +116,6 @@ class Tracking:
         self.sample += done
         self.command, self.gripped, self.used = volts[done - 1], bool(gripped[done - 1]), stretch.last.used
         self._doubted = stretch.doubted
-        self._recall.take(self.sample, self.readings, estimator, self.bank, self.moments)
+        self._recall.update(self.sample, self.readings, estimator, self.bank, self.moments)
         self.moments.extend(stretch.columns, done if stretch.concluded else done - 1)
         return stretch

@@ -197,7 +197,7 @@ def linear_blocks(
     Variables that stay as they are, whatever is measured, are left out: what another law remembers, and integrals
     that no gain feeds.
     """
-    controller.begin(theta, theta, settings, carries=carries)
+    controller.start(theta, theta, settings, carries=carries)
     resource = controller.resource
     if isinstance(resource, NativeResource):
         machine_code = _in_machine_code(resource)

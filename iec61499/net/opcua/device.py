@@ -49,19 +49,19 @@ class OpcUa:
         except CommunicationError as error:
             raise CommunicationError(str(error), "TERMINATED") from None  # as 4diac FORTE says then
         channel = LateChannel(action, inlet, self._thread)
-        self._thread.submit(self._begin(channel))
+        self._thread.submit(self._open_channel(channel))
         return channel
 
     def close(self) -> None:
         """Ends the server and all connections."""
         self._thread.close(self._end)
 
-    async def _begin(self, channel: LateChannel) -> None:
+    async def _open_channel(self, channel: LateChannel) -> None:
         from iec61499.net.opcua.backend import Backend
 
         if self._backend is None:
             self._backend = Backend(self._settings, self._thread)
-        channel.begin(self._backend)
+        channel.open(self._backend)
 
     async def _end(self) -> None:
         if self._backend is not None:
@@ -80,7 +80,7 @@ class LateChannel:
         self._thread = thread
         self._made: OwnChannel | RemoteChannel | None = None
 
-    def begin(self, backend: Backend) -> None:
+    def open(self, backend: Backend) -> None:
         """Makes the channel; called in the thread."""
         if self._inlet.closed:
             return

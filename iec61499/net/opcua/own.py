@@ -116,13 +116,13 @@ class ReadChannel(OwnChannel):
 
     async def _prepare(self) -> None:
         for number, (place, each) in enumerate(zip(self._action.places, self._receives, strict=True)):
-            written = partial(self._take, number, each)
+            written = partial(self._on_value, number, each)
             value = each.encode(self._values[number])
             node, used = await self._server.variable(place, each, value, written)
             self._written.append((node, written))
             self._used += used
 
-    def _take(self, number: int, each: AnyConverter, variant: ua.Variant | None) -> None:
+    def _on_value(self, number: int, each: AnyConverter, variant: ua.Variant | None) -> None:
         try:
             self._values[number] = each.decode(variant)
         except CommunicationError as error:

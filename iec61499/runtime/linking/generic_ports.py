@@ -42,7 +42,7 @@ def resolve(netlist: Netlist) -> None:
     for number, node in generic_nodes(netlist).items():
         assert node.declared is not None
         types = groups.types_of(number)
-        node.take(_concrete(node.declared, tuple(types.items())))
+        node.retype(_concrete(node.declared, tuple(types.items())))
         node.parameters = {name: _fitted(node, given, types.get(name)) for name, given in node.literals.items()}
     for wire in netlist.data.values():
         _give_text_type(netlist.nodes, wire.source, wire.destination)
@@ -59,7 +59,7 @@ def _give_text_type(nodes: Mapping[int, Node], port: Terminal, other: Terminal) 
     if port.name not in TEXTS or not isinstance(block, model.ServiceInterfaceFBType) or block.header.file:
         return
     if node.variables[port.name].type == STRING and nodes[other.node].variables[other.name].type == WSTRING:
-        node.take(_concrete(block, ((port.name, WSTRING),)))
+        node.retype(_concrete(block, ((port.name, WSTRING),)))
 
 
 def _fitted(node: Node, given: model.Parameter, kind: DataType | None) -> model.Parameter:

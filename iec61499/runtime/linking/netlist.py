@@ -42,7 +42,7 @@ class Node:
         self.variables = {v.name: v for v in (*self.interface.inputs, *self.interface.outputs)}
         self.generics = tuple(v for v in self.variables.values() if isinstance(v.type, model.GenericType))
 
-    def take(self, concrete: model.FBType) -> None:
+    def retype(self, concrete: model.FBType) -> None:
         """Makes it a block of another type."""
         if concrete is not self.type:
             self.type, self.interface = concrete, concrete.interface

@@ -43,7 +43,7 @@ def catch_up(bus: Bus, rows: Rows, since: int, now: float) -> dict[int, Sensors]
             asked = BacklogRequest(since)
             page = bus.ask(SAMPLE_BACKLOG, asked, SampleBacklog, _PATIENCE)
             if page.sensors:
-                _take(rows, page, bus.ask(ANSWER_BACKLOG, asked, AnswerBacklog, _PATIENCE), now)
+                _add_page(rows, page, bus.ask(ANSWER_BACKLOG, asked, AnswerBacklog, _PATIENCE), now)
                 caught |= {sample.sequence: sample for sample in page.sensors}
                 since = page.sensors[-1].sequence + 1
             if len(page.sensors) < BACKLOG_PAGE:
@@ -53,7 +53,7 @@ def catch_up(bus: Bus, rows: Rows, since: int, now: float) -> dict[int, Sensors]
         return caught
 
 
-def _take(rows: Rows, page: SampleBacklog, answers: AnswerBacklog, now: float) -> None:
+def _add_page(rows: Rows, page: SampleBacklog, answers: AnswerBacklog, now: float) -> None:
     """Gives a page to the rows in the order in which it was published."""
     truths = {truth.time: truth for truth in page.truths}
     acted = {each.sequence: each for each in page.acted}

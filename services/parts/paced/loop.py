@@ -278,7 +278,7 @@ class Paced(ABC, Generic[S, C]):
             item()
             return
         came, command, sender = item
-        if not self._gate.take(command, came, self._sent_at(command.sequence)):
+        if not self._gate.admit(command, came, self._sent_at(command.sequence)):
             if self._gate.rivals:
                 self._tell_rivals("two publishers of voltages: the first answer to each sample counts")
             return

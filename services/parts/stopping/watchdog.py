@@ -42,12 +42,12 @@ class Watchdog:
         self._told = False
         self._opinion = Opinion(patience, self._driven)
         self._tell: Callable[[Event], None] = bus.publisher(EVENTS)
-        bus.subscribe(MONITORING, MonitoringVerdict, self.hear)
+        bus.subscribe(MONITORING, MonitoringVerdict, self.update)
         bus.subscribe(STATUS, Status, self.note, part=MONITORING.sender)
 
-    def hear(self, verdict: MonitoringVerdict) -> None:
+    def update(self, verdict: MonitoringVerdict) -> None:
         """The monitor has said something."""
-        self._opinion.take(verdict, self._driven)
+        self._opinion.update(verdict, self._driven)
 
     def note(self, status: Status) -> None:
         """The monitor is well; one that somebody has switched off need not say anything."""

@@ -123,12 +123,12 @@ def test_what_the_data_do_not_tell_keeps_the_data_sheets_tolerance() -> None:
     for name in fit.problem.free:
         assert fit.deviations[name] == pytest.approx(priors[name].deviation, rel=0.05)
         assert fit.values[name] == pytest.approx(priors[name].mean, rel=0.05)
-    assert Judged(fit, fitting(1.0, 1.0, 1.0), np.ones(3), ()).told == ()
+    assert Judged(fit, fitting(1.0, 1.0, 1.0), np.ones(3), ()).identified == ()
 
 
 def test_grades_and_the_record(fitted: MachineFit, tmp_path: Path) -> None:
     judged = Judged(fitted, fitting(0.99, 0.985, 0.999), np.full(3, NOISE), ())
-    assert (judged.grade, set(judged.told)) == ("identified", set(FREE))
+    assert (judged.grade, set(judged.identified)) == ("identified", set(FREE))
     assert replace(judged, held_out=fitting(0.99, 0.95, 0.999)).grade == "approximate"
     assert replace(judged, held_out=fitting(0.99, 0.5, 0.999)).grade == "unusable"
     record = record_of(judged, SENSORS, ARM, "motions from the bench")

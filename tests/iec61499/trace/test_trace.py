@@ -113,7 +113,7 @@ def test_an_event_too_many_or_too_few_is_found(tmp_path: Path) -> None:
     writer = TraceWriter(tmp_path / "t", {}, SIZE)
     recorder = Recorder(writer)
     resource = Resource(network(blocks, "START.COLD -> A.E; A.O -> B.E", "A.Q -> B.X", {"A.X": "4"}), library)
-    recorder.begin(0, resource.states())
+    recorder.start(0, resource.states())
     resource.trace(recorder)
     resource.write("B.X", 3)
     resource.start()

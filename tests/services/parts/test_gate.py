@@ -26,45 +26,45 @@ class Guarded:
     def answered(self) -> bool:
         return self.gate.answered
 
-    def take(self, sequence: int, now: float = 0.0) -> bool:
-        return self.gate.take(command(sequence), now, now)
+    def admit(self, sequence: int, now: float = 0.0) -> bool:
+        return self.gate.admit(command(sequence), now, now)
 
 
 def test_the_answer_to_the_expected_sample_counts_once() -> None:
     guarded = Guarded()
     guarded.gate.expected = 5
     assert not guarded.answered()
-    assert guarded.take(5)
+    assert guarded.admit(5)
     assert guarded.answered()
-    assert not guarded.take(5)
+    assert not guarded.admit(5)
     assert guarded.refused == {"duplicate": 1}
 
 
 def test_a_late_answer_still_counts_while_no_newer_one_has_come() -> None:
     guarded = Guarded()
     guarded.gate.expected = 5
-    assert guarded.take(3)
+    assert guarded.admit(3)
     assert not guarded.answered()
-    assert not guarded.take(2)
+    assert not guarded.admit(2)
     assert guarded.refused == {"out of sequence": 1}
 
 
 def test_an_answer_to_a_sample_that_is_too_old_does_not_count() -> None:
     guarded = Guarded()
     guarded.gate.expected = 9
-    assert guarded.gate.take(command(3), 1.0, 1.0 - 0.9 * STALE)
-    assert not guarded.gate.take(command(4), 1.0, 1.0 - 1.1 * STALE)
+    assert guarded.gate.admit(command(3), 1.0, 1.0 - 0.9 * STALE)
+    assert not guarded.gate.admit(command(4), 1.0, 1.0 - 1.1 * STALE)
     assert guarded.refused == {"late": 1}
     assert guarded.gate.is_stale(1.0 + 1.1 * STALE), "what does not count is no sign of life"
-    assert guarded.gate.take(command(9), 9.0, 1.0), "the sample that waits for its answer is not too old"
+    assert guarded.gate.admit(command(9), 9.0, 1.0), "the sample that waits for its answer is not too old"
 
 
 def test_answers_to_samples_not_yet_sent_are_refused() -> None:
     guarded = Guarded()
     guarded.gate.expected = 5
-    assert not guarded.take(6)
+    assert not guarded.admit(6)
     assert guarded.refused == {"from the future": 1}
-    assert guarded.take(5)
+    assert guarded.admit(5)
 
 
 @given(st.lists(st.tuples(st.integers(0, 3), st.integers(-3, 8)), max_size=40))
@@ -74,7 +74,7 @@ def test_taken_commands_increase_and_never_lead(steps: list[tuple[int, int]]) ->
     for advance, offset in steps:
         guarded.gate.expected += advance
         sequence = guarded.gate.expected + offset
-        if sequence >= 0 and guarded.take(sequence):
+        if sequence >= 0 and guarded.admit(sequence):
             taken.append(sequence)
             assert sequence <= guarded.gate.expected
     assert all(a < b for a, b in itertools.pairwise(taken))
@@ -83,7 +83,7 @@ def test_taken_commands_increase_and_never_lead(steps: list[tuple[int, int]]) ->
 def test_commands_grow_stale_only_after_the_first() -> None:
     guarded = Guarded()
     assert not guarded.gate.is_stale(1e9)
-    guarded.take(0, now=10.0)
+    guarded.admit(0, now=10.0)
     assert not guarded.gate.is_stale(10.0 + 0.99 * STALE)
     assert guarded.gate.is_stale(10.0 + 1.01 * STALE)
     guarded.gate.restart(0)
@@ -95,8 +95,8 @@ def test_repeated_duplicates_prove_a_second_publisher() -> None:
     for k in range(RIVAL_COMMANDS):
         assert not guarded.gate.rivals
         guarded.gate.expected = k
-        assert guarded.take(k)
-        assert not guarded.take(k)
+        assert guarded.admit(k)
+        assert not guarded.admit(k)
     assert guarded.gate.rivals
 
 
@@ -104,8 +104,8 @@ def test_rare_duplicates_prove_nothing() -> None:
     guarded = Guarded()
     for k in range(0, 10 * (RIVAL_GAP + 1), RIVAL_GAP + 1):
         guarded.gate.expected = k
-        guarded.take(k)
-        guarded.take(k)
+        guarded.admit(k)
+        guarded.admit(k)
     assert not guarded.gate.rivals
 
 

@@ -17,7 +17,7 @@ def sample(tick: int, speed: float) -> Sensors:
 def after(*ticks: int, speed: float = 0.0) -> Recent:
     recent = Recent()
     for tick in ticks:
-        recent.take(sample(tick, speed))
+        recent.add(sample(tick, speed))
     return recent
 
 
@@ -36,7 +36,7 @@ def test_an_arm_that_is_too_fast_is_let_fall(speed: float) -> None:
 def test_an_arm_whose_speed_is_not_known_is_let_fall_until_it_is() -> None:
     recent, fell = Recent(), []
     for tick in (*range(5), *range(8, 40)):  # a few samples are lost
-        recent.take(sample(tick, 0.0))
+        recent.add(sample(tick, 0.0))
         fell.append(recent.falls())
     assert fell.index(False) == 5 + SETTLING
 
@@ -44,7 +44,7 @@ def test_an_arm_whose_speed_is_not_known_is_let_fall_until_it_is() -> None:
 def test_an_arm_that_waits_for_its_command_is_answered() -> None:
     recent = after(*range(100), speed=2.0 * CAUGHT)
     assert recent.falls()
-    recent.take(sample(99, 2.0 * CAUGHT))
+    recent.add(sample(99, 2.0 * CAUGHT))
     assert not recent.falls()
 
 
@@ -52,7 +52,7 @@ def test_no_arm_is_let_fall_for_ever() -> None:
     recent, ticks = Recent(), round(FALL / PERIOD)
     fell = []
     for tick in range(2 * ticks):
-        recent.take(sample(tick, 2.0 * CAUGHT))
+        recent.add(sample(tick, 2.0 * CAUGHT))
         fell.append(recent.falls())
     assert all(fell[: ticks - 1])
     assert not any(fell[ticks + 2 :])

@@ -34,7 +34,7 @@ class Driven:
                 self.answered += 100
                 self.time += 1.0
             if heard:
-                self.dog.hear(msgspec.structs.replace(NOMINAL, time=self.time))
+                self.dog.update(msgspec.structs.replace(NOMINAL, time=self.time))
             self.dog.look(self.time, self.answered, stopped, self.now)
 
 
@@ -77,7 +77,7 @@ def test_a_cell_that_waits_accuses_nobody(driven: Driven) -> None:
 def test_a_monitor_that_repeats_an_old_verdict_is_silent(driven: Driven) -> None:
     driven.pass_seconds(5, heard=True)
     for _ in range(8):
-        driven.dog.hear(msgspec.structs.replace(NOMINAL, time=5.0))
+        driven.dog.update(msgspec.structs.replace(NOMINAL, time=5.0))
         driven.pass_seconds(1)
     assert len(driven.demands) == 1
 
