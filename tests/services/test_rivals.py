@@ -13,6 +13,7 @@ from typing import Any
 from dtwin.bus.codec import encode
 from dtwin.bus.messages import (
     ADJUSTMENT,
+    ARM_PREDICT,
     ARM_ROLL_BACK,
     ARM_UPLOAD,
     DECIDE,
@@ -50,7 +51,7 @@ HIGHEST = (8.0, 8.0, 8.0, 8.0)
 ABSENT = ("recovery", "line")
 """Who has queries of his own and is not in the cell of these tests."""
 
-OF_OTHER_ARMS = {ADJUSTMENT, MODEL, ARM_UPLOAD, ARM_ROLL_BACK}
+OF_OTHER_ARMS = {ADJUSTMENT, MODEL, ARM_UPLOAD, ARM_ROLL_BACK, ARM_PREDICT}
 """Queries of a service that is in the cell, which nobody answers for the thesis's arm."""
 
 

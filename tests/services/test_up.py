@@ -159,7 +159,7 @@ def test_a_signal_ends_a_cell_that_finds_no_router(desk: Desk, tmp_path: Path, n
         (["--seed", "-1"], "seed: expected a whole number"),
         (["--noise", "-1"], "noise: expected a finite magnitude"),
         (["--step", "0.003"], "step"),
-        (["--arm", "six-axis", "--console"], "--console: has no meaning for another arm than the thesis's"),
+        (["--arm", "six-axis", "--noise", "0.01"], "--noise: has no meaning for another arm than the thesis's"),
         (["--arm", "six-axis", "--machine", "old"], "machine 'old': expected ideal, nominal, or a number"),
         (["--arm", "missing.urdf"], "missing.urdf: cannot be read"),
         (["--late", "1"], "expected --arm with another arm"),
