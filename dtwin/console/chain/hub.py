@@ -141,7 +141,7 @@ class ChainHub(Hub):
     def _receive_ticks(self, passed: JointTicks) -> None:
         if not self._followed:
             last = passed.ticks[-1]
-            self._answer = last.acted
+            self._note_answer(last.acted)
             self._note_sample(last.sensors)
 
     def _receive_sample(self, sample: JointSensors) -> None:
@@ -154,11 +154,18 @@ class ChainHub(Hub):
             self._both = None
 
     def _receive_commands(self, answer: JointCommands) -> None:
-        self._answer = answer
+        if not self._note_answer(answer):
+            return
         with self._pairing:
             both = self._answered.second(answer)
         if both is not None and self._followed:
             self._both = both
+
+    def _note_answer(self, answer: JointCommands) -> bool:
+        """Keeps an answer; whether it is one for this arm."""
+        fits = len(answer.commands) == len(answer.target) == self.joints
+        self._answer = answer if fits else self._answer
+        return fits
 
     def _note_sample(self, sample: JointSensors) -> None:
         if len(sample.theta) != self.joints:
