@@ -1,4 +1,4 @@
-"""Two rows of docs/architecture.md, walked with what the page says and nothing else; and the paths that it names."""
+"""Rows of docs/architecture.md, walked with what the page says and nothing else; and the paths that it names."""
 
 import json
 import re
@@ -74,3 +74,98 @@ def test_a_service_is_added_by_its_file_and_its_line(tmp_path: Path) -> None:
     counter = json.loads(done.stdout)["services"]["counter"]
     assert counter["restarts"] == 0
     assert counter["rate_hz"] > 0
+
+
+COMMAND = '''"""Says a word."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Greet:
+    """Say a word."""
+
+    word: str = "well"
+
+    def execute(self) -> int:
+        print(self.word)
+        return 0
+'''
+EXPERIMENT = '''"""Counts words."""
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from dtwin.campaign.spread import Progress
+from evidence.experiment import ExperimentCommand
+from evidence.report import Report, page
+
+
+@dataclass(frozen=True)
+class ExperimentGreet(ExperimentCommand[int]):
+    """Count words."""
+
+    name: ClassVar = "greet"
+
+    def measure(self, progress: Progress) -> int:
+        return 7
+
+    def report(self, result: int) -> Report:
+        return page("Words", f"There are {result} words.")
+
+    def figures(self, result: int) -> dict[str, Any]:
+        return {"words": result}
+'''
+
+
+@pytest.fixture(scope="module")
+def copied(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A copy of what is changed, with a command, an experiment and a name for notebooks, each where its row says."""
+    root = tmp_path_factory.mktemp("copied")
+    for folder in ("dtwin", "services", "evidence", "fb", "models", "iec61499"):
+        shutil.copytree(ROOT / folder, root / folder, symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
+    added = {
+        "dtwin/commands/greet.py": COMMAND,
+        "evidence/greet.py": EXPERIMENT,
+        "dtwin/api/greet.py": '"""Says a word."""\n\n\ndef greet() -> str:\n    """A word."""\n    return "well"\n',
+    }
+    lines = {
+        "dtwin/commands/table.py": (
+            '    "the cell": {\n',
+            '        "greet": Subcommand("greet", "Greet", "say a word"),\n',
+        ),
+        "evidence/table.py": (
+            "= {\n",
+            '    "experiment greet": Subcommand("evidence.greet", "ExperimentGreet", "count words; report"),\n',
+        ),
+        "dtwin/__init__.py": ("_MODULES = {\n", '    "greet": "api.greet",\n'),
+    }
+    for name, text in added.items():
+        (root / name).write_text(text)
+    for name, (before, line) in lines.items():
+        text = (root / name).read_text()
+        assert text.count(before) == 1, name
+        (root / name).write_text(text.replace(before, before + line))
+    return root
+
+
+def said_by(root: Path, *arguments: str) -> str:
+    environment = {"PATH": "", "PYTHONPATH": str(root), "XDG_RUNTIME_DIR": str(root), "HOME": str(root)}
+    command = [sys.executable, *arguments]
+    done = subprocess.run(command, cwd=root, env=environment, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_a_command_is_added_by_its_module_and_its_line(copied: Path) -> None:
+    assert said_by(copied, "-m", "dtwin", "greet", "--word", "good") == "good\n"
+    assert "say a word" in said_by(copied, "-m", "dtwin", "--help")
+
+
+def test_an_experiment_is_added_by_its_module_and_its_line(copied: Path) -> None:
+    assert json.loads(said_by(copied, "-m", "dtwin", "experiment", "greet", "--json"))["words"] == 7
+    assert "There are 7 words." in (copied / "experiment-greet" / "report.html").read_text()
+
+
+def test_a_name_for_notebooks_is_added_by_its_module_and_its_line(copied: Path) -> None:
+    assert said_by(copied, "-c", "import dtwin; print(dtwin.greet(), 'greet' in dir(dtwin))") == "well True\n"
