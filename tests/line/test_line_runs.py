@@ -225,7 +225,7 @@ def test_work_moves_when_an_arm_fails_and_comes_back_when_it_is_repaired() -> No
     run = LineRun(LINE, DEMO)
     run.run()
     (text,) = [text for _, text in DEMO.faults]
-    begins, ends = 137.5, 270.0
+    begins, ends = 144.5, 270.0
     assert f"@{begins}-{ends:g}" in text
     set_ups = [decision for decision in run.course.decisions if decision.what == "set-up"]
     assert [decision.assignment["mark"] == "a2" for decision in set_ups] == [False, True]

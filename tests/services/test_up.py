@@ -166,7 +166,8 @@ def test_a_signal_ends_a_cell_that_finds_no_router(desk: Desk, tmp_path: Path, n
     ],
 )
 def test_bad_options_are_one_line(desk: Desk, options: list[str], expected: str) -> None:
-    said = desk.run("up", *options, status=2)
+    ends = [] if "--duration" in options else ["--duration", "1"]  # so that what is accepted fails at once
+    said = desk.run("up", *options, *ends, status=2)
     assert expected in said
     assert len(said.strip().splitlines()) == 1
     assert not desk.processes()

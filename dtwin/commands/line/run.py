@@ -27,7 +27,7 @@ from dtwin.terminal import as_text, print_json, print_table, printable
 _HTML: Final = ".html"
 LONGEST: Final = 86_400.0
 """Longest run, s."""
-DEMO: Final = LineSettings(duration=420.0, faults=(("a2", "K2*=0.1@137.5-270"),))
+DEMO: Final = LineSettings(duration=420.0, faults=(("a2", "K2*=0.1@144.5-270"),))
 """The run of the demonstration: the arm of a2 loses nine tenths of a motor's torque with a box held, and is repaired
 later."""
 
