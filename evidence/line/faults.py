@@ -70,7 +70,8 @@ class LineOutcome:
     Attributes:
         trial: the trial.
         rate: boxes an hour that left after SETTLING; from EARLIEST on without a fault.
-        best: boxes an hour of the best assignment that the line could have had, by simulation of all.
+        best: boxes an hour of the best assignment that the line could have had, by simulation of all; 0 without a
+            fault.
         predicted: boxes an hour that its twins predict of the assignment that it has at the end.
         noticed: time from the fault to the set-up that answers it, s; None if there was none.
         lost, collisions: boxes that were lost, and touches of vehicles.
@@ -131,7 +132,7 @@ def tried(trial: LineTrial) -> LineOutcome:
     return LineOutcome(
         trial,
         run.rate(since),
-        best_rate(line, trial.station, horizon),
+        best_rate(line, trial.station, horizon) if trial.station else 0.0,
         predicted(line, work_times(line), run.assignment, horizon),
         answers[0] if answers else None,
         run.plant.lost,
@@ -220,7 +221,7 @@ def faults_report(outcomes: Sequence[LineOutcome]) -> Report:
                 "act" if trial.twins else "off",
                 "-" if outcome.noticed is None else f"{outcome.noticed:.1f}",
                 f"{outcome.rate:.1f}",
-                f"{outcome.best:.1f}",
+                f"{outcome.best:.1f}" if outcome.best else "-",
                 f"{100 * outcome.rate / outcome.best:.1f} %" if outcome.best else "-",
                 f"{outcome.predicted:.1f}" if trial.twins else "-",
                 str(outcome.lost),
