@@ -35,7 +35,11 @@ _SUMMARIES: Final[dict[Subject, str]] = {
 }
 _ARM: Final = ("arm.h", "arm.c")
 _CONTROL: Final = ("control.h", "control.c", "tick.c")
-_PARTS: Final[dict[Subject, tuple[str, ...]]] = {"twin": _ARM, "controller": _CONTROL, "cell": (*_ARM, *_CONTROL)}
+_PARTS: Final[dict[Subject, tuple[str, ...]]] = {
+    "twin": _ARM,
+    "controller": _CONTROL,
+    "cell": (*_ARM, *_CONTROL, "exchange.h"),
+}
 
 
 def write_chain_fmu(

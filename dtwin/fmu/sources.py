@@ -23,7 +23,7 @@ _FOLDER: Final = Path(__file__).parent / "c"
 _PARTS: Final[dict[Subject, tuple[str, ...]]] = {
     "twin": ("arm.h", "arm.c", "equations.h"),
     "controller": ("control.h", "control.c", "tick.c"),
-    "cell": ("arm.h", "arm.c", "equations.h", "control.h", "control.c", "tick.c"),
+    "cell": ("arm.h", "arm.c", "equations.h", "control.h", "control.c", "tick.c", "exchange.h"),
 }
 _TYPES: Final = {
     "Float64": "MODEL_REAL",

@@ -200,25 +200,30 @@ bool arm_is_sound(const struct arm *arm)
     return begun <= 1 && is_finite(arm);
 }
 
-void arm_derivative(const struct arm *arm, const struct arm *direction, double *alpha)
+bool arm_derivative(const struct arm *arm, const struct arm *direction, struct arm *moved)
 {
     double complex p[21], x[6], torque[3], a[3];
     const double complex step = COMPLEX_STEP * I;
     const double complex width = arm->coulomb_width + step * direction->coulomb_width;
+    const double share = arm->begun ? 0.0 : 1.0; /* of the start in the state */
     struct complex_coefficients equations;
     int i;
     for (i = 0; i < 21; ++i) {
         p[i] = arm->p[i] + step * direction->p[i];
     }
     for (i = 0; i < 6; ++i) {
-        x[i] = arm->x[i] + step * direction->x[i];
+        moved->x[i] = direction->x[i] + share * direction->start[i];
+        x[i] = arm->x[i] + step * moved->x[i];
     }
+    moved->gripper = direction->gripper + share * direction->gripper_start;
+    moved->gripper_omega = direction->gripper_omega;
     equations = complex_coefficients_of(p, arm->payload + step * direction->payload, arm->weight_only);
     for (i = 0; i < 3; ++i) {
         torque[i] = equations.K[i] * complex_clipped(arm->volts[i] + step * direction->volts[i]);
     }
     complex_accelerate(&equations, x, torque, width, a);
     for (i = 0; i < 3; ++i) {
-        alpha[i] = cimag(a[i]) / COMPLEX_STEP;
+        moved->alpha[i] = cimag(a[i]) / COMPLEX_STEP;
     }
+    return true;
 }

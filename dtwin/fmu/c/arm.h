@@ -40,7 +40,7 @@ const char *arm_advance(struct arm *arm, double duration, double rounding);
 /* Whether the state can be used; for bytes that come from somewhere. */
 bool arm_is_sound(const struct arm *arm);
 
-/* How the accelerations move when parameters, inputs and state move in a direction. */
-void arm_derivative(const struct arm *arm, const struct arm *direction, double *alpha);
+/* How the state and the accelerations move when parameters, inputs and state move in a direction; whether that is known. */
+bool arm_derivative(const struct arm *arm, const struct arm *direction, struct arm *moved);
 
 #endif

@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "constants.h"
+#include "exchange.h"
 
 void model_copy(struct model *to, const struct model *from)
 {
@@ -38,12 +39,11 @@ static const char *tick(struct model *model)
     struct arm *arm = &model->arm;
     const bool held = control->box_gripped;
     const char *problem;
-    memcpy(control->theta, arm->x, sizeof control->theta);
-    control->gripper = arm->gripper;
+    take_sample(control, arm);
     problem = control_tick(control);
-    memcpy(arm->volts, control->volts, sizeof arm->volts);
+    give_command(arm, control);
     if (control->box_gripped != held) {
-        arm->payload = control->box_gripped && control->box_present ? model->box_mass : 0.0;
+        arm->payload = control->box_gripped && box_waits(control) ? model->box_mass : 0.0;
     }
     return problem;
 }

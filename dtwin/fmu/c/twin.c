@@ -40,16 +40,7 @@ void model_refresh(struct model *model)
 
 bool model_derivative(const struct model *model, const struct model *direction, struct model *moved)
 {
-    struct arm along = direction->arm;
-    int i;
-    for (i = 0; i < 6; ++i) {
-        along.x[i] += model->arm.begun ? 0.0 : direction->arm.start[i];
-        moved->arm.x[i] = along.x[i];
-    }
-    moved->arm.gripper = direction->arm.gripper + (model->arm.begun ? 0.0 : direction->arm.gripper_start);
-    moved->arm.gripper_omega = direction->arm.gripper_omega;
-    arm_derivative(&model->arm, &along, moved->arm.alpha);
-    return true;
+    return arm_derivative(&model->arm, &direction->arm, &moved->arm);
 }
 
 bool model_is_sound(const struct model *model)

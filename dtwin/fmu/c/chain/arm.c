@@ -121,6 +121,12 @@ static bool is_finite(const struct arm *arm)
     return finite;
 }
 
+const char *arm_check(const struct arm *arm)
+{
+    (void)arm;
+    return NULL;
+}
+
 const char *arm_advance(struct arm *arm, double duration, double rounding)
 {
     struct coefficients equations;
@@ -150,4 +156,12 @@ bool arm_is_sound(const struct arm *arm)
     unsigned char begun;
     memcpy(&begun, &arm->begun, sizeof begun);
     return begun <= 1 && is_finite(arm);
+}
+
+bool arm_derivative(const struct arm *arm, const struct arm *direction, struct arm *moved)
+{
+    (void)arm;
+    (void)direction;
+    (void)moved;
+    return false;
 }
