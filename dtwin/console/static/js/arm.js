@@ -1,5 +1,5 @@
 // The arm from its angles: link 1 from the origin, each joint relative to the link before; places as the cell has them.
-import { begin } from "./canvas.js";
+import { begin, disc, line } from "./canvas.js";
 
 const LENGTHS = [0.15786938, 0.13246938, 0.1608];
 const PICKUP = "pickup";
@@ -72,27 +72,4 @@ function box(context, colours, x, y, name, rgb = "") {
   context.fillRect(x - 7, y - 7, 14, 14);
   context.fillStyle = colours.text;
   context.fillText(name === "held" ? "box" : `${name} box`, x - 12, y + 21);
-}
-
-function line(context, points, colour, width, dash) {
-  context.strokeStyle = colour;
-  context.lineWidth = width;
-  context.lineCap = context.lineJoin = "round";
-  context.setLineDash(dash);
-  context.beginPath();
-  points.forEach(([x, y], index) => (index ? context.lineTo(x, y) : context.moveTo(x, y)));
-  context.stroke();
-  context.setLineDash([]);
-  context.lineWidth = 1;
-}
-
-function disc(context, x, y, radius, fill, edge) {
-  context.beginPath();
-  context.arc(x, y, radius, 0, 2 * Math.PI);
-  context.fillStyle = fill;
-  context.fill();
-  context.strokeStyle = edge;
-  context.lineWidth = 2;
-  context.stroke();
-  context.lineWidth = 1;
 }

@@ -37,3 +37,28 @@ export function begin(canvas) {
   context.font = "12px system-ui, sans-serif";
   return { context, width, height, colours: palette() };
 }
+
+/** A line through points, [x, y] each, in pixels. */
+export function line(context, points, colour, width, dash) {
+  context.strokeStyle = colour;
+  context.lineWidth = width;
+  context.lineCap = context.lineJoin = "round";
+  context.setLineDash(dash);
+  context.beginPath();
+  points.forEach(([x, y], index) => (index ? context.lineTo(x, y) : context.moveTo(x, y)));
+  context.stroke();
+  context.setLineDash([]);
+  context.lineWidth = 1;
+}
+
+/** A disc with an edge, in pixels. */
+export function disc(context, x, y, radius, fill, edge) {
+  context.beginPath();
+  context.arc(x, y, radius, 0, 2 * Math.PI);
+  context.fillStyle = fill;
+  context.fill();
+  context.strokeStyle = edge;
+  context.lineWidth = 2;
+  context.stroke();
+  context.lineWidth = 1;
+}

@@ -1,5 +1,5 @@
 // An arm of n joints from its own geometry: where its joints are, seen from the side or from anywhere; drag to turn it.
-import { begin } from "./canvas.js";
+import { begin, disc, line } from "./canvas.js";
 
 const ELEVATION = 0.35;
 const AZIMUTH = -0.9;
@@ -67,9 +67,9 @@ export function drawChain(view, frame, points = {}) {
     context.fillText(name, x + 9, y + 4);
   }
   if (!positions) return;
-  if (frame.path) stroke(context, placesOf(view.joints, view.tool, frame.path).map(at), colours.second, 2, [5, 4]);
+  if (frame.path) line(context, placesOf(view.joints, view.tool, frame.path).map(at), colours.second, 2, [5, 4]);
   const places = placesOf(view.joints, view.tool, positions).map(at);
-  stroke(context, places, colours.ink, 6, []);
+  line(context, places, colours.ink, 6, []);
   for (const [x, y] of places.slice(1, -1)) disc(context, x, y, 5, colours.panel, colours.ink);
   const [x, y] = places.at(-1);
   disc(context, x, y, 4, frame.gripped ? colours.second : colours.ink, colours.ink);
@@ -112,31 +112,8 @@ function floor(context, at, reach, colours) {
   context.lineWidth = 1;
   for (let k = -FLOOR; k <= FLOOR; k += 1) {
     const place = (0.4 * reach * k) / FLOOR;
-    for (const ends of [[[place, -0.4 * reach, 0], [place, 0.4 * reach, 0]], [[-0.4 * reach, place, 0], [0.4 * reach, place, 0]]]) stroke(context, ends.map(at), colours.faint, 1, []);
+    for (const ends of [[[place, -0.4 * reach, 0], [place, 0.4 * reach, 0]], [[-0.4 * reach, place, 0], [0.4 * reach, place, 0]]]) line(context, ends.map(at), colours.faint, 1, []);
   }
-}
-
-function stroke(context, places, colour, width, dash) {
-  context.strokeStyle = colour;
-  context.lineWidth = width;
-  context.lineCap = context.lineJoin = "round";
-  context.setLineDash(dash);
-  context.beginPath();
-  places.forEach(([x, y], index) => (index ? context.lineTo(x, y) : context.moveTo(x, y)));
-  context.stroke();
-  context.setLineDash([]);
-  context.lineWidth = 1;
-}
-
-function disc(context, x, y, radius, fill, edge) {
-  context.beginPath();
-  context.arc(x, y, radius, 0, 2 * Math.PI);
-  context.fillStyle = fill;
-  context.fill();
-  context.strokeStyle = edge;
-  context.lineWidth = 2;
-  context.stroke();
-  context.lineWidth = 1;
 }
 
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
