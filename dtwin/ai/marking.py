@@ -35,16 +35,8 @@ _SERVICES: Final = (
 )
 _LINE: Final = (
     *("waits", "works", "stopped", "blocked", "home", "empty", "loaded", "charges", "finding", "set-up", "proposal"),
-    *(
-        "none possible",
-        "no answer",
-        "answers again",
-        "repair",
-        "overall twin",
-        TWIN,
-        *get_args(Ability),
-        *get_args(Mode),
-    ),
+    *("none possible", "no answer", "answers again", "repair", "overall twin", TWIN),
+    *(*get_args(Ability), *get_args(Mode)),
 )
 WORDS: Final = frozenset(
     {

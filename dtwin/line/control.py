@@ -290,8 +290,9 @@ class Control:
                 raise
             self.absent.add(block)
             return None
-        self._renewed = self._renewed or block in self.absent
-        self.absent.discard(block)
+        if block in self.absent:
+            self.absent.remove(block)
+            self._renewed = True
         return answer
 
     def step(self, plant: Plant) -> None:

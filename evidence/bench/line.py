@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Final
 
 from rich.console import Console
@@ -68,31 +69,23 @@ def measured(arms: int, duration: float) -> float:
         TaskError: a run failed.
     """
     items = [(number, arms, duration) for number in range(max(1, arms // _EACH))]
-    workforce = Workforce(1) if arms <= _EACH else EVERY_CORE
-    return sum(spread(_rate, items, workforce)) if arms <= _EACH else _together(items, workforce)
-
-
-def _together(items: list[tuple[int, int, float]], workforce: Workforce) -> float:
-    """The same of lines that share the cores: from the first that begins until the last has ended."""
-    spans = spread(_span, items, workforce)
-    plant = sum(_EACH * duration for _, _, duration in items)
-    return plant / (max(end for _, end in spans) - min(begin for begin, _ in spans))
-
-
-def _rate(item: tuple[int, int, float]) -> float:
-    """Arm seconds a second of one arm alone, or of one line."""
-    begin, end = _span(item)
-    _, arms, duration = item
-    return min(arms, _EACH) * duration / (end - begin)
+    spans = spread(_span, items, EVERY_CORE if len(items) > 1 else Workforce(1))
+    return arms * duration / (max(end for _, end in spans) - min(begin for begin, _ in spans))
 
 
 def _span(item: tuple[int, int, float]) -> tuple[float, float]:
     """When a run began and ended, s of this machine's clock, after all that is compiled was loaded."""
     seed, arms, duration = item
-    _run(seed, arms, _SHORT)
+    _load(arms == 1)
     begin = time.monotonic()
     _run(seed, arms, duration)
     return begin, time.monotonic()
+
+
+@cache
+def _load(alone: bool) -> None:
+    """Loads what is compiled, once in a process."""
+    _run(0, 1 if alone else _EACH, _SHORT)
 
 
 def _run(seed: int, arms: int, duration: float) -> None:

@@ -7,8 +7,8 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -28,7 +28,7 @@ from dtwin.line.plant import Plant, check_boxes
 from dtwin.line.station import TimedStation
 from dtwin.line.system import system
 from dtwin.line.twins.node import rehearsed
-from dtwin.services.service import free_port
+from dtwin.services.service import held_port
 from evidence.experiment import ExperimentCommand
 from evidence.report import Report, page, table
 from iec61499.deploy.system_file import system_text
@@ -74,14 +74,26 @@ class KillOutcome:
         return self.back is not None and self.left > 0 and not self.lost and not self.collisions
 
 
-def at_free_ports(whole: System) -> System:
-    """A system whose SERVER blocks and managements listen at free ports."""
+def at_ports(whole: System, free: Callable[[int], Sequence[int]]) -> System:
+    """A system whose SERVER blocks and device managements listen at other ports.
+
+    Args:
+        whole: the system.
+        free: gives as many ports as it is asked for.
+    """
     (application,) = whole.applications
     names = [block.name for block in application.network.blocks if block.type_name.startswith("SERVER")]
+    ports = iter(free(len(names) + len(whole.devices)))
     devices = tuple(
-        replace(device, parameters=(Parameter("MGR_ID", f"'localhost:{free_port()}'"),)) for device in whole.devices
+        replace(device, parameters=(Parameter("MGR_ID", f"'localhost:{next(ports)}'"),)) for device in whole.devices
     )
-    return configured(replace(whole, devices=devices), {f"{name}.ID": f"localhost:{free_port()}" for name in names})
+    return configured(replace(whole, devices=devices), {f"{name}.ID": f"localhost:{next(ports)}" for name in names})
+
+
+def _free_ports(count: int) -> list[int]:
+    """Several ports that nobody has now, all different."""
+    with ExitStack() as stack:
+        return [stack.enter_context(held_port()) for _ in range(count)]
 
 
 class Processes:
@@ -127,7 +139,7 @@ def served(line: Line) -> Iterator[tuple[Processes, Served, list[str]]]:
     Raises:
         CommunicationError: the processes do not start.
     """
-    whole = at_free_ports(system(line))
+    whole = at_ports(system(line), _free_ports)
     with TemporaryDirectory() as folder:
         path = Path(folder) / "line.sys"
         path.write_text(system_text(whole), encoding="utf-8")

@@ -29,9 +29,9 @@ from dtwin.line.twins.overall import changed
 from dtwin.line.vehicle import Vehicle, VehicleCommand
 from dtwin.line_file import LineFile
 from dtwin.parameters import ROOT
+from evidence.line.kills import at_ports
 from iec61499.deploy.system_file import system_text
-from iec61499.mapping import configured
-from iec61499.model import Parameter, System
+from iec61499.model import System
 from tests.support.ports import free_ports
 from tests.support.waiting import connected
 
@@ -112,22 +112,25 @@ def test_what_passes_after_a_set_up_does_not_depend_on_when_it_came(station: str
 
 
 def test_a_vehicle_waits_for_the_box_that_it_has_brought_no_longer_than_its_patience() -> None:
-    left = {}
-    for patience in (0.0, 10.0):
+    left, longest = {}, {}
+    for patience in (0.0, 2.0, 10.0):
         zones = [replace(z, vehicles=tuple(replace(v, patience=patience) for v in z.vehicles)) for z in LINE.zones]
         line = replace(LINE, zones=tuple(zones))
         plant, control = timed(line), Control(line, OneResource(line))
         control.set_up(line.assignment)
-        stay: list[float] = []
+        waits: list[bool] = []
         for _ in range(3000):
             plant.advance()
             control.step(plant)
-            at = {vehicle.path[0] for vehicle in plant.vehicles.values() if vehicle.standing and not vehicle.box}
-            stay.append("a2_dock" in at)
-        runs = [len(list(group)) for waits, group in itertools.groupby(stay) if waits]
-        left[patience] = len(plant.left), max(runs) / 10.0
-    assert left[10.0][0] > left[0.0][0], "a way around the track takes longer"
-    assert left[0.0][1] < 5.0 < left[10.0][1] + 5.0 < 17.0
+            idle = [vehicle for vehicle in plant.vehicles.values() if not vehicle.box and not vehicle.action]
+            waits.append(any(vehicle.path == ["a2_dock"] for vehicle in idle))
+        left[patience] = len(plant.left)
+        longest[patience] = max(len(list(group)) for waiting, group in itertools.groupby(waits) if waiting) / 10.0
+    assert left[10.0] > left[0.0], "a way around the track takes longer"
+    assert longest[0.0] < 1.0
+    assert 2.0 <= longest[2.0] < 3.0, "its patience ends before the arm has finished"
+    assert longest[2.0] < longest[10.0] <= 10.0
+    assert longest[10.0] < 6.0, "it goes as soon as the box is finished"
 
 
 @pytest.mark.parametrize("seconds", [42, 61, 65])
@@ -265,13 +268,7 @@ def test_orders_and_states_have_the_form_of_the_recommendation() -> None:
 
 def own_ports(whole: System) -> System:
     """A system whose SERVER blocks and device managements listen at free ports."""
-    (application,) = whole.applications
-    names = [block.name for block in application.network.blocks if block.type_name.startswith("SERVER")]
-    ports = free_ports(len(names) + len(whole.devices))
-    devices = tuple(
-        replace(device, parameters=(Parameter("MGR_ID", f"'localhost:{ports.pop()}'"),)) for device in whole.devices
-    )
-    return configured(replace(whole, devices=devices), {f"{name}.ID": f"localhost:{ports.pop()}" for name in names})
+    return at_ports(whole, free_ports)
 
 
 @pytest.mark.thorough
