@@ -6,14 +6,14 @@ know are ignored, missing or mistyped ones make it refuse the message. docs/zeno
 
 from __future__ import annotations
 
-from typing import Annotated, Final, Literal, NamedTuple
+from typing import Annotated, Final, Literal
 
 import msgspec
 
 from dtwin.bus.chain import messages as joints
 from dtwin.bus.chain.messages import TOGETHER
 from dtwin.bus.controller.messages import IdentificationSignal, SettingsInForce, SettingsRequest, SignalRequest
-from dtwin.bus.line.messages import FlowEffect, LineState, SetUpDone, SetUpQuestion, SetUpRequest, StationWord
+from dtwin.bus.line import messages as line
 from dtwin.bus.proposals.messages import (
     AnswerRequest,
     LineLook,
@@ -24,6 +24,8 @@ from dtwin.bus.proposals.messages import (
     ProposalRequest,
     RecoveryLook,
 )
+from dtwin.bus.topics.topic import CHECKED as CHECKED
+from dtwin.bus.topics.topic import Topic as Topic
 from dtwin.bus.twin_messages import (
     AcknowledgeRequest,
     DeskRequest,
@@ -291,25 +293,6 @@ class SummaryRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA
     """Asks for nothing in particular."""
 
 
-class Topic(NamedTuple):
-    """One line of the table: `message` is published, or sent with a query and answered by `reply`.
-
-    What is urgent belongs to one tick: it goes out before all else, message by message, and is worth nothing later.
-    Who asks waits at most `patience` seconds for the answer.
-    """
-
-    name: str
-    kind: Literal["publication", "query", "token"]
-    message: type | None
-    reply: type | None
-    sender: str
-    urgent: bool = False
-    patience: float = 5.0
-
-
-CHECKED: Final = 60.0
-"""Patience for an answer that needs a check on the twin, s."""
-
 SENSORS: Final = Topic("sensors", "publication", Sensors, None, "emulator", urgent=True)
 VOLTAGES: Final = Topic("voltages", "publication", Voltages, None, "bridge", urgent=True)
 ACTED: Final = Topic("acted", "publication", Acted, None, "emulator", urgent=True)
@@ -379,14 +362,20 @@ ACKNOWLEDGE: Final = Topic(
 )
 WATCH: Final = Topic("twin/monitoring/watch", "query", WatchRequest, WatchState, "monitoring")
 RESIDUALS: Final = Topic("twin/monitoring/residuals", "publication", MonitoringResiduals, None, "monitoring")
-LINE_STATE: Final = Topic("twin/overall/state", "query", LookRequest, LineState, "line", patience=CHECKED)
-LINE_PREDICT: Final = Topic("twin/overall/predict", "query", SetUpQuestion, FlowEffect, "line", patience=CHECKED)
+LINE_STATE: Final = Topic("twin/overall/state", "query", LookRequest, line.LineState, "line", patience=CHECKED)
+LINE_PREDICT: Final = Topic(
+    "twin/overall/predict", "query", line.SetUpQuestion, line.FlowEffect, "line", patience=CHECKED
+)
 LINE_LOOK: Final = Topic("twin/overall/look", "query", LookRequest, LineLook, "line", patience=CHECKED)
 LINE_PROPOSE: Final = Topic("twin/overall/propose", "query", ProposalRequest, Proposal, "line", patience=CHECKED)
 LINE_DECIDE: Final = Topic("twin/overall/decide", "query", ProposalDecision, Proposal, "line", patience=CHECKED)
-SET_UP: Final = Topic("twin/overall/setup", "query", SetUpRequest, SetUpDone, "line", patience=CHECKED)
-LINE_STOP: Final = Topic("twin/overall/stop", "query", StationWord, LineState, "line", patience=CHECKED)
-LINE_RELEASE: Final = Topic("twin/overall/release", "query", StationWord, LineState, "line", patience=CHECKED)
+SET_UP: Final = Topic("twin/overall/setup", "query", line.SetUpRequest, line.SetUpDone, "line", patience=CHECKED)
+LINE_STOP: Final = Topic("twin/overall/stop", "query", line.StationWord, line.LineState, "line", patience=CHECKED)
+LINE_RELEASE: Final = Topic(
+    "twin/overall/release", "query", line.StationWord, line.LineState, "line", patience=CHECKED
+)
+LINE_PLAN: Final = Topic("twin/overall/plan", "query", LookRequest, line.LinePlan, "line")
+LINE_DESK: Final = Topic("twin/overall/desk", "query", line.ZoneDeskRequest, line.ZoneDesks, "line")
 TOPICS: Final = (
     *(SENSORS, VOLTAGES, ACTED, PATH, TRUTH, TICKS),
     *(JOINT_SENSORS, JOINT_COMMANDS, JOINT_TICKS, ADJUSTED, EVENTS, STATUS, ALIVE),
@@ -396,5 +385,6 @@ TOPICS: Final = (
     *(ARM_UPLOAD, ARM_ROLL_BACK, ARM_PREDICT, RECOVERY_LOOK, RECOVERY_DECIDE),
     *(MONITORING, RESIDUALS, ACKNOWLEDGE, WATCH),
     *(LINE_STATE, LINE_PREDICT, LINE_LOOK, LINE_PROPOSE, LINE_DECIDE, SET_UP, LINE_STOP, LINE_RELEASE),
+    *(LINE_PLAN, LINE_DESK),
 )
 """All there is on the bus. `*` stands for the service's name; a query's sender is who answers it."""

@@ -5,7 +5,7 @@ The rules of `dtwin.bus.messages` hold, which has the topics.
 
 from __future__ import annotations
 
-from typing import Annotated, Final
+from typing import Annotated, Final, Literal
 
 import msgspec
 
@@ -14,8 +14,12 @@ from dtwin.signals import SCHEMA, Count, Line, Seconds, Word
 
 TOLD: Final = 20
 """Number of the last decisions that are told."""
+MOST_NODES: Final = 1000
+"""Number of nodes, and of segments, of a zone that can be told."""
 SetUps = Annotated[dict[Name, Name], msgspec.Meta(max_length=8)]
 """The station of each operation, by the operation's name."""
+Point = tuple[float, float]
+"""A point in the plane of the line, m."""
 
 
 class StationSeen(msgspec.Struct, frozen=True):
@@ -29,6 +33,8 @@ class StationSeen(msgspec.Struct, frozen=True):
         why: why, in words.
         able: operations that it was built for.
         box: number of the box that waits there, is worked at or is finished, 0 for none.
+        waiting, worked, finished: numbers of the boxes in its slots, 0 for none.
+        availability, performance, quality: of the last ten minutes, as the table `oee` reckons them (ISO 22400-2).
     """
 
     name: Word
@@ -38,6 +44,12 @@ class StationSeen(msgspec.Struct, frozen=True):
     why: Line
     able: tuple[Word, ...]
     box: Count = 0
+    waiting: Count = 0
+    worked: Count = 0
+    finished: Count = 0
+    availability: float = 1.0
+    performance: float = 0.0
+    quality: float = 1.0
 
 
 class VehicleSeen(msgspec.Struct, frozen=True):
@@ -50,14 +62,34 @@ class VehicleSeen(msgspec.Struct, frozen=True):
         position: where it is, m.
         battery: charge, percent.
         box: number of its box, 0 for none.
+        path: nodes that it holds: the last one that it has reached, and those that were given to it.
+        handling: whether it loads or unloads a box now.
     """
 
     name: Word
     zone: Word
     doing: Word
-    position: tuple[float, float]
+    position: Point
     battery: float
     box: Count = 0
+    path: tuple[Word, ...] = ()
+    handling: bool = False
+
+
+class ZoneSeen(msgspec.Struct, frozen=True):
+    """A zone of a line.
+
+    Attributes:
+        name: its name.
+        inside: number of boxes at its stations and on its vehicles.
+        rate: boxes an hour that have left it in the last ten minutes, 0 while fewer than two have.
+        behind: number of boxes in the buffer behind it, 0 for the last zone.
+    """
+
+    name: Word
+    inside: Count
+    rate: float
+    behind: Count = 0
 
 
 class ZoneFlow(msgspec.Struct, frozen=True):
@@ -110,6 +142,8 @@ class LineState(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
         stations, vehicles: how they do.
         decisions: the last ones, oldest first.
         late: number of cycles that began more than a cycle too late, in real time.
+        zones: how the zones do, in the order in which boxes pass them.
+        outside: number of boxes that wait in front of the source.
     """
 
     name: Word
@@ -128,6 +162,96 @@ class LineState(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
     vehicles: tuple[VehicleSeen, ...]
     decisions: Annotated[tuple[LineDecision, ...], msgspec.Meta(max_length=TOLD)] = ()
     late: Count = 0
+    zones: tuple[ZoneSeen, ...] = ()
+    outside: Count = 0
+
+
+class StationPlace(msgspec.Struct, frozen=True):
+    """Where a station of a line is: its name and the node of its dock."""
+
+    name: Word
+    node: Word
+
+
+class BufferPlace(msgspec.Struct, frozen=True):
+    """Where boxes pass to the next zone: node in the zone before it, node in the one behind, boxes that it holds."""
+
+    exit: Word
+    entry: Word
+    capacity: Count
+
+
+class ZonePlace(msgspec.Struct, frozen=True):
+    """A zone of a line as it was built.
+
+    Attributes:
+        name: its name.
+        nodes: where its nodes are, m, by their names.
+        segments: from which node to which it is driven.
+        stations: where its stations are.
+        homes: node where each vehicle begins and charges, by the vehicle's name.
+        entry, exit: nodes at which boxes come and leave.
+    """
+
+    name: Word
+    nodes: Annotated[dict[Word, Point], msgspec.Meta(max_length=MOST_NODES)]
+    segments: Annotated[tuple[tuple[Word, Word], ...], msgspec.Meta(max_length=MOST_NODES)]
+    stations: tuple[StationPlace, ...]
+    homes: dict[Word, Word]
+    entry: Word
+    exit: Word
+
+
+class LinePlan(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """A line as it was built, which does not change while it runs.
+
+    Attributes:
+        name: its name.
+        zones: its zones, in the order in which boxes pass them.
+        buffers: between each zone and the next.
+    """
+
+    name: Word
+    zones: tuple[ZonePlace, ...]
+    buffers: tuple[BufferPlace, ...] = ()
+
+
+class ZoneDesk(msgspec.Struct, frozen=True):
+    """Who has the desk of a zone.
+
+    Attributes:
+        zone: name of the zone.
+        session: name of the session, "" when it is free.
+        user: name of the person, "" when it is free.
+        left: time without a sign of life after which it is free, s.
+    """
+
+    zone: Word
+    session: Word = ""
+    user: Word = ""
+    left: float = 0.0
+
+
+class ZoneDesks(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """Who has the desks of a line, one for each zone."""
+
+    desks: tuple[ZoneDesk, ...]
+
+
+class ZoneDeskRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """What a session wants of desks of a line.
+
+    Attributes:
+        session: name of the session.
+        user: name of the person.
+        action: occupy takes those that are free, keep is a sign of life of who has them, leave frees them.
+        zones: names of the zones.
+    """
+
+    session: Word
+    user: Word
+    action: Literal["occupy", "keep", "leave"]
+    zones: Annotated[tuple[Name, ...], msgspec.Meta(max_length=32)]
 
 
 class SetUpQuestion(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):

@@ -17,6 +17,7 @@ from dtwin.bus.session import Bus
 from dtwin.bus.signature import KEY, new_key
 from dtwin.commands.line.run import LONGEST, fault_of
 from dtwin.commands.live.up import detached
+from dtwin.console.people.desk import keep_zone_desks
 from dtwin.controller.runtime import RuntimeOption, chosen
 from dtwin.errors import ParameterError
 from dtwin.line.file import DEFAULT_NAME, line_of
@@ -97,6 +98,7 @@ class LineUp(RuntimeOption):
                     run = AskedRun(line, settings, self.history)
                     run.prepare()
                 live = LiveLine(run, book, service.bus, time.monotonic)
+                keep_zone_desks(service.bus, [zone.name for zone in line.zones])
                 service.ready()
                 file.write(runfile.ready(up))
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Final, NamedTuple
 
-from dtwin.bus.messages import DESK
+from dtwin.bus.line.messages import ZoneDesk, ZoneDeskRequest, ZoneDesks
+from dtwin.bus.messages import DESK, LINE_DESK
 from dtwin.bus.session import Bus
 from dtwin.bus.twin_messages import DeskRequest, DeskState
+from dtwin.errors import ParameterError, choices
 
 TIME_OUT: Final = 10.0
 """Time without a sign of life of its holder after which the desk is free, s."""
@@ -63,6 +65,45 @@ class Desk:
         if holder is None:
             return DeskState()
         return DeskState(holder.session, holder.user, round(TIME_OUT - (now - holder.seen), 3))
+
+
+class ZoneDeskBook:
+    """Says who has the desk of each zone of a line; there is one for all consoles of the line.
+
+    Args:
+        zones: names of the zones.
+        clock: gives a time that only grows, s.
+    """
+
+    def __init__(self, zones: Iterable[str], clock: Callable[[], float]) -> None:
+        self._desks = {zone: Desk(clock) for zone in zones}
+
+    def state(self) -> ZoneDesks:
+        """Who has the desks."""
+        return ZoneDesks(tuple(_of_zone(zone, desk.state()) for zone, desk in self._desks.items()))
+
+    def ask(self, request: ZoneDeskRequest) -> ZoneDesks:
+        """Does what a session wants with each desk, if it may; the answer says who has all desks now.
+
+        Raises:
+            ParameterError: there is no such zone; nothing is done then.
+        """
+        for zone in request.zones:
+            if zone not in self._desks:
+                raise ParameterError(f"zone: expected {choices(list(self._desks))}, got {zone!r}")
+        for zone in request.zones:
+            self._desks[zone].ask(DeskRequest(request.session, request.user, request.action))
+        return self.state()
+
+
+def _of_zone(zone: str, desk: DeskState) -> ZoneDesk:
+    return ZoneDesk(zone, desk.session, desk.user, desk.left)
+
+
+def keep_zone_desks(bus: Bus, zones: Iterable[str]) -> None:
+    """Keeps the desks of a line's zones for as long as a session lasts."""
+    book = ZoneDeskBook(zones, time.monotonic)
+    bus.answer(LINE_DESK, ZoneDeskRequest, book.ask, book.state)
 
 
 def keep_desk(bus: Bus) -> None:

@@ -18,6 +18,7 @@ from dtwin.bus.messages import (
     CHECKED,
     LINE_DECIDE,
     LINE_LOOK,
+    LINE_PLAN,
     LINE_PREDICT,
     LINE_PROPOSE,
     LINE_RELEASE,
@@ -30,7 +31,7 @@ from dtwin.bus.session import Bus
 from dtwin.errors import CommunicationError, DtwinError, ParameterError
 from dtwin.line.line import CYCLE
 from dtwin.line.live.asked import AskedRun
-from dtwin.line.live.seen import state_of
+from dtwin.line.live.seen import plan_of, state_of
 from dtwin.line.twins.overall import Choice
 from dtwin.simulation.proposals.book import TWIN, Book, check_form
 
@@ -61,6 +62,8 @@ class LiveLine:
         run.propose = self._lay
         bus.answer(LINE_STATE, LookRequest, None, partial(self._between, self._state))
         bus.answer(LINE_LOOK, LookRequest, None, partial(self._between, self._look))
+        plan = plan_of(run.line)
+        bus.answer(LINE_PLAN, LookRequest, None, lambda: plan)
         for topic, message, act in (
             (LINE_PREDICT, SetUpQuestion, self._predict),
             (LINE_PROPOSE, ProposalRequest, self._propose),

@@ -1,0 +1,1 @@
+"""What a topic of the bus is."""
