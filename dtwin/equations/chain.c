@@ -197,6 +197,18 @@ static void opposed(int n, const double *tau, const double *qd, const struct dry
     }
 }
 
+/* What the gears carry to the links: torques less all friction and what the rotors need for the accelerations a. */
+static void carry(int n, const double *links, const double *tau, const double *qd, const double *a,
+                  const struct dry *dry)
+{
+    double left[MOST];
+    opposed(n, tau, qd, dry, left);
+    for (int i = 0; i < n; i++) {
+        const double *link = links + SIZE * i;
+        dry->carried[i] = fabs(left[i] - link[VISCOUS] * qd[i] - link[ROTOR] * a[i]);
+    }
+}
+
 void chain_accelerate(int n, const double *links, const double *gravity, const double *q, const double *qd,
                       const double *tau, const struct dry *dry, double *qdd)
 {
@@ -210,7 +222,7 @@ void chain_accelerate(int n, const double *links, const double *gravity, const d
 }
 
 /* Steps of the Runge-Kutta method of fourth order under constant torques; q and qd go on. Friction that grows with the
- * load follows the torque that each gear carries at the beginning of a step. */
+ * load follows the torque that each gear carries to its link at the beginning of a step. */
 void chain_advance(int n, const double *links, const double *gravity, double *q, double *qd, const double *tau,
                    const struct dry *dry, double step, int steps)
 {
@@ -223,8 +235,8 @@ void chain_advance(int n, const double *links, const double *gravity, double *q,
                 v[k][i] = qd[i] + (k ? part * a[k - 1][i] : 0.0);
             }
             chain_accelerate(n, links, gravity, x, v[k], tau, dry, a[k]);
-            for (int i = 0; dry && k == 0 && i < n; i++)
-                dry->carried[i] = fabs(tau[i] - links[SIZE * i + ROTOR] * a[0][i]);
+            if (dry && k == 0)
+                carry(n, links, tau, v[0], a[0], dry);
         }
         for (int i = 0; i < n; i++) {
             q[i] += step / 6.0 * (v[0][i] + 2.0 * v[1][i] + 2.0 * v[2][i] + v[3][i]);

@@ -64,7 +64,7 @@ def test_dry_friction_opposes_the_motion() -> None:
     for part in (0.5 * step, 0.5 * step, step):
         at, speed = q + part * v[-1], qd + part * a[-1]
         v.append(speed)
-        a.append(accelerations(at, speed, np.abs(torque)))
+        a.append(accelerations(at, speed, np.abs(torque - viscous * qd - coulomb * np.tanh(qd / width))))
     weights = np.array([1.0, 2.0, 2.0, 1.0])[:, None] * step / 6.0
     assert moving.q == pytest.approx(q + np.sum(weights * np.array(v), axis=0), abs=1e-9)
     assert moving.qd == pytest.approx(qd + np.sum(weights * np.array(a), axis=0), abs=1e-9)

@@ -156,7 +156,8 @@ class ChainPlant:
         model, data = self._model, self._data
         if self._machine.friction and (self._share.any() or self._faults):
             for _ in range(STEPS):
-                carried = np.abs(data.qfrc_applied - self._rotor * data.qacc)
+                lost = data.qfrc_passive + data.qfrc_constraint
+                carried = np.abs(data.qfrc_applied + lost - self._rotor * data.qacc)
                 model.dof_frictionloss[:] = self._factor["friction"] * (self._coulomb + self._share * carried)
                 model.dof_frictionloss[self._locked] = LOCKED
                 mujoco.mj_step(model, data)

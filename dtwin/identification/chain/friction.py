@@ -8,6 +8,9 @@ Groups of terms, from what every joint has to what has to prove itself on motion
     rotor       inertia of the rotor seen at the joint
     curve       Stribeck's fall at low speed and the bend at high speed: Coulomb terms of other speeds, friction
                 that falls with speed, and a root
+    soft        dry friction as a simulator's soft constraint has it: it turns over by v + a / b, not by v (MuJoCo
+                documentation, "Computation", friction loss; b = 2 / (dmax timeconst)), over speeds that nobody
+                knows, and grows with the torque that the gear carries
     presliding  Dahl's elements: friction that turns over with travel after a reversal, not at once (Dahl 1968;
                 several lengths side by side: generalised Maxwell-slip model, Al-Bender, Lampaert and Swevers 2005)
     load        Coulomb friction that grows with the torque that the gear carries (Hamon, Gautier and Garrec 2010)
@@ -27,8 +30,8 @@ import numpy as np
 
 from dtwin.arm.chain import Array
 
-Group = Literal["basic", "rotor", "curve", "presliding", "load", "asymmetric", "temperature"]
-CANDIDATES: Final[tuple[Group, ...]] = ("rotor", "curve", "presliding", "load", "asymmetric", "temperature")
+Group = Literal["basic", "rotor", "curve", "soft", "presliding", "load", "asymmetric", "temperature"]
+CANDIDATES: Final[tuple[Group, ...]] = ("rotor", "curve", "soft", "presliding", "load", "asymmetric", "temperature")
 """Groups that have to prove themselves."""
 
 _COULOMB: Final = 0.05
@@ -40,6 +43,10 @@ _FALLING: Final = 0.015
 """Part of the usual travel over which it turns over."""
 _FORGOTTEN: Final = 1e-15
 """Factor of a state of presliding from which on rounding forgets it."""
+_SOFT_LEAD: Final = 0.95 * 0.02 / 2.0
+"""1 / b for the usual reference of a constraint (solref 0.02 1, dmax 0.95), s."""
+_SOFT_SPEEDS: Final = (0.003, 0.006, 0.012, 0.024)
+"""Parts of the usual speed over which soft friction turns over; a factor of two apart."""
 _LENGTHS: Final = (0.005, 0.015, 0.05, 0.15)
 """Parts of the usual travel over which an element of presliding turns over; a factor of three apart."""
 
@@ -107,6 +114,11 @@ def _terms(
     found += [(f"presliding@{part:g}", "presliding", element) for part, element in turned.items()]
     falls = [(part, turned[_FALLING] * np.exp(-((v / (part * scale.speed)) ** 2))) for part in _FALLS]
     found += [(f"fall@{part:g}", "curve", fall) for part, fall in falls]
+    for part in _SOFT_SPEEDS:
+        turn = np.tanh((v + _SOFT_LEAD * a) / (part * scale.speed))
+        found.append((f"soft@{part:g}", "soft", turn))
+        if load is not None:
+            found.append((f"load soft@{part:g}", "soft", load * turn))
     if load is not None:
         found.append(("load", "load", load * sign))
         found += [(f"load@{part:g}", "load", load * element) for part, element in turned.items()]

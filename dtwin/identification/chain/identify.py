@@ -289,7 +289,7 @@ def _prior(design: Design, moments: Moments, settings: Settings) -> Prior:
         place = layout.friction(joint)
         size = np.sqrt(np.diag(products[joint])[place] / count) + 1e-12
         effort = gain[joint] * np.sqrt(products[joint, -1, -1] / count)
-        deviation[place] = np.where(np.array(groups) == "basic", _WIDE, _NARROW) * effort / size
+        deviation[place] = np.where(np.isin(groups, ("basic", "soft")), _WIDE, _NARROW) * effort / size
     return Prior(mean, deviation, gain, gain_deviation)
 
 

@@ -77,6 +77,8 @@ class Expected:
         self._arm = arm
         self._constant = np.array([joint.actuator.constant or 1.0 for joint in arm.joints])
         self._rotor = np.array([joint.actuator.rotor or 0.0 for joint in arm.joints])
+        self._viscous = np.array([joint.friction.viscous for joint in arm.joints])
+        self._coulomb = np.array([joint.friction.coulomb for joint in arm.joints])
         self._slow = _SLOW * np.array([joint.speed for joint in arm.joints])
         tool = arm.tool
         self._mass = np.array([1.0, *tool, *steiner(tool)[np.tril_indices(3)]])
@@ -154,7 +156,8 @@ class Expected:
         n = len(self._arm)
         own = np.eye(n)
         sense = np.tanh(log.qd / self._slow)
-        carried = np.abs(log.effort * self._constant - self._rotor * log.qdd)
+        lost = self._viscous * log.qd + self._coulomb * sense
+        carried = np.abs(log.effort * self._constant - self._rotor * log.qdd - lost)
         columns = [regressor(self._arm, log.q, log.qd, log.qdd)]
         for values in (log.qdd, log.qd, sense, sense * carried, np.ones_like(log.qd)):
             columns.append(values[:, :, None] * own)
