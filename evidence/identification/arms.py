@@ -15,17 +15,33 @@ from dtwin.campaign.spread import Progress
 from dtwin.commands.frame import at_least
 from dtwin.emulation.chain.arms import arm_of
 from dtwin.emulation.chain.machine import drawn, machine_of
+from dtwin.emulation.peer import is_installed
+from dtwin.errors import ParameterError
 from dtwin.identification.chain.excitation import excitation
 from dtwin.identification.chain.identify import Identification, Sample, identify, unexplained
 from dtwin.identification.chain.result import numbers
 from dtwin.run.chain import ChainSettings, run
 from evidence.experiment import ExperimentCommand
+from evidence.logs.sysid import Sysid
 from evidence.report import Report
 
 ASKED_FIT: Final = 0.98
 """Held-out fit of every joint that is asked for."""
 _JUDGED: Final = 30.0
 """Length of the motion that is predicted, s."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Peer:
+    """What mujoco.sysid found of a machine from the same motion.
+
+    Attributes:
+        left: what it leaves unexplained on the held-out motion, in parts of what the identification leaves, (n,).
+        seconds: time that it took, in parts of the identification's.
+    """
+
+    left: Array
+    seconds: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,12 +53,14 @@ class Identified:
         fit: 1 - rms of what is not explained / standard deviation, of the effort on held-out motion, (n,).
         inside: for every number that the data tell and whose truth is known, whether its 95 % interval holds it.
         seconds: time that the identification took, s.
+        peer: mujoco.sysid on the same motion; None if it was not asked.
     """
 
     machine: int
     fit: Array
     inside: dict[str, bool]
     seconds: float
+    peer: Peer | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,7 +83,9 @@ class ArmsResult:
         return float(np.mean(inside))
 
 
-def arms_experiment(name: str, machines: int, seconds: float, seed: int, progress: Progress) -> ArmsResult:
+def arms_experiment(
+    name: str, machines: int, seconds: float, seed: int, progress: Progress, peers: int = 0
+) -> ArmsResult:
     """Designs a motion, and identifies drawn machines from it.
 
     Args:
@@ -74,17 +94,23 @@ def arms_experiment(name: str, machines: int, seconds: float, seed: int, progres
         seconds: length of the motion that is measured.
         seed: number of the first generator.
         progress: is told how many machines are done.
+        peers: number of machines, the first ones, that mujoco.sysid identifies from the same motion, too.
+
+    Raises:
+        ParameterError: mujoco.sysid is asked for but not installed.
     """
+    if peers and not is_installed():
+        raise ParameterError("--peers: expected mujoco.sysid: pip install 'mujoco[sysid]'")
     arm = arm_of(name)
     poses = excitation(arm, seconds, seed=seed)
     found = []
     for k in range(machines):
-        found.append(_identified(arm, poses, 1000 + seed + k, seconds))
+        found.append(_identified(arm, poses, 1000 + seed + k, seconds, k < peers))
         progress(k + 1, machines)
     return ArmsResult(arm, poses, tuple(found))
 
 
-def _identified(arm: Arm, poses: Poses, number: int, seconds: float) -> Identified:
+def _identified(arm: Arm, poses: Poses, number: int, seconds: float, peer: bool) -> Identified:
     machine = machine_of(str(number), arm)
     measured = run(ChainSettings(arm, machine, poses, duration=seconds, seed=number)).measurement()
     others = drawn_poses(arm, 20, np.random.default_rng([number, 1]))
@@ -98,7 +124,12 @@ def _identified(arm: Arm, poses: Poses, number: int, seconds: float) -> Identifi
         for row in numbers(found)
         if row.told and row.name in truth
     }
-    return Identified(number, 1.0 - unexplained(*found.predicted(judging)), inside, took)
+    left = unexplained(*found.predicted(judging))
+    other = None
+    if peer:
+        sysid = Sysid(arm, [measured], found.found.gain, found.design.scales, found.design.filtering)
+        other = Peer(unexplained(*sysid.predicted(judging)) / left, sysid.seconds / took)
+    return Identified(number, 1.0 - left, inside, took, other)
 
 
 def _truth(arm: Arm, found: Identification) -> Iterator[tuple[str, float]]:
@@ -126,6 +157,8 @@ def arms_figures(result: ArmsResult) -> dict[str, Any]:
         "intervals": sum(len(one.inside) for one in result.machines),
         "outside": sorted({name for one in result.machines for name, held in one.inside.items() if not held}),
         "identification_seconds": [one.seconds for one in result.machines],
+        "sysid_left": [one.peer.left.tolist() for one in result.machines if one.peer],
+        "sysid_seconds": [one.peer.seconds for one in result.machines if one.peer],
     }
 
 
@@ -149,7 +182,23 @@ def arms_report(result: ArmsResult) -> Report:
     told = (
         f"Least fit of a joint {least:.4f} (asked: {ASKED_FIT}); {coverage:.1%} of the 95 % intervals hold the truth."
     )
-    return Report(f"Identification of {result.arm.name}", (words, "\n".join(rows), told))
+    return Report(f"Identification of {result.arm.name}", (words, "\n".join(rows), told, *_peer_words(result)))
+
+
+def _peer_words(result: ArmsResult) -> list[str]:
+    peers = [one.peer for one in result.machines if one.peer is not None]
+    if not peers:
+        return []
+    left, seconds = np.array([peer.left for peer in peers]), [peer.seconds for peer in peers]
+    joints = ", ".join(
+        f"{joint.name} {value:.2f}"
+        for joint, value in zip(result.arm.joints, np.exp(np.log(left).mean(0)), strict=True)
+    )
+    return [
+        f"mujoco.sysid, fitted to the torque of the same motion of the first {len(peers)} machines, leaves on the "
+        f"held-out motion, in parts of what the identification leaves: {joints} (geometric means); at least "
+        f"{left.min():.2f}. It took {min(seconds):.0f} to {max(seconds):.0f} times as long."
+    ]
 
 
 @dataclass(frozen=True)
@@ -164,11 +213,13 @@ class ExperimentArms(ExperimentCommand[ArmsResult]):
     """Number of machines."""
     duration: float = 120.0
     """Length of the measured motion, s."""
+    peers: int = 0
+    """Number of machines, the first ones, that mujoco.sysid identifies from the same motion, too."""
 
     def measure(self, progress: Progress) -> ArmsResult:
         at_least("--machines", self.machines, 1)
         at_least("--duration", self.duration, 20.0)
-        return arms_experiment(self.arm, self.machines, self.duration, self.seed, progress)
+        return arms_experiment(self.arm, self.machines, self.duration, self.seed, progress, self.peers)
 
     def report(self, result: ArmsResult) -> Report:
         return arms_report(result)

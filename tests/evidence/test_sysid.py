@@ -5,9 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dtwin.arm.chain import Array
 from dtwin.emulation import peer
-from dtwin.errors import DtwinError
+from dtwin.errors import DtwinError, ParameterError
 from dtwin.identification.chain.identify import Identification, Sample, Settings, identify, unexplained
+from dtwin.measurements.measurement import Measurement
+from evidence.identification import arms
 from evidence.logs import real
 from evidence.logs.sysid import ABSENT, Sysid
 from tests.support.chains import drawn_arm, measured
@@ -65,3 +68,27 @@ def test_shares_of_all_four_stand_side_by_side() -> None:
     text = real.real_report(result).text
     assert "Against mujoco.sysid, which took 3.0 s the ratio is 0.25" in text
     assert "no figaroh." in text
+
+
+class _Twice:
+    """Explains half of what the identification does, in no time."""
+
+    def __init__(self, *words: object) -> None:
+        self.seconds = 0.0
+
+    def predicted(self, measurement: Measurement) -> tuple[Array, Array]:
+        effort = np.asarray(measurement.effort)
+        return effort, 0.5 * (effort + effort.mean(axis=0))
+
+
+def test_drawn_machines_of_an_arm_are_compared(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(arms, "is_installed", lambda: True)
+    monkeypatch.setattr(arms, "Sysid", _Twice)
+    result = arms.arms_experiment("planar-2r", 2, 20.0, 5, lambda done, all: None, peers=1)
+    (peer_of,) = [one.peer for one in result.machines if one.peer is not None]
+    assert peer_of.left == pytest.approx(0.5 / (1.0 - result.fit[0]))
+    assert arms.arms_figures(result)["sysid_left"] == [peer_of.left.tolist()]
+    assert "geometric means" in arms.arms_report(result).text
+    monkeypatch.setattr(arms, "is_installed", lambda: False)
+    with pytest.raises(ParameterError, match=r"expected mujoco\.sysid"):
+        arms.arms_experiment("planar-2r", 1, 20.0, 5, lambda done, all: None, peers=1)

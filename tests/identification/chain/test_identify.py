@@ -7,7 +7,10 @@ import numpy as np
 import pytest
 
 from dtwin.arm.chain import Actuator, Arm
+from dtwin.arm.poses import drawn_poses
 from dtwin.arm.urdf import read_urdf
+from dtwin.emulation.chain.arms import arm_of
+from dtwin.emulation.chain.machine import machine_of
 from dtwin.errors import IdentificationError
 from dtwin.identification.chain.baseline import Baseline
 from dtwin.identification.chain.consistency import body_of, is_possible, mended, nearest_possible, pseudo_inertia
@@ -17,6 +20,7 @@ from dtwin.identification.chain.identify import Identification, Sample, Settings
 from dtwin.identification.chain.overlay import write_urdf
 from dtwin.identification.chain.result import as_object, numbers, write_toml
 from dtwin.measurements.measurement import Measurement
+from dtwin.run.chain import ChainSettings, run
 from tests.support.chains import drawn_arm, drawn_urdf, measured
 
 JOINTS = 3
@@ -174,3 +178,20 @@ def test_dahls_element_turns_over_with_travel() -> None:
     assert np.isclose(state[399], 1.0 - np.exp(-10.0), atol=1e-6)
     turned = 400 + 40  # a tenth of the way back is one length
     assert np.isclose(state[turned], -1.0 + 2.0 * np.exp(-1.0), atol=0.02)
+
+
+def test_the_dry_friction_of_an_emulated_arm_is_found_in_its_form() -> None:
+    """A machine drawn from the tolerances, whose joints come to rest often; without the form a tenth more is left."""
+    arm = arm_of("planar-2r")
+    machine = machine_of("1901", arm)
+    logs = [
+        run(ChainSettings(arm, machine, drawn_poses(arm, 40, np.random.default_rng(k)), duration=30.0, seed=k))
+        for k in (1, 2)
+    ]
+    fitted, other = (log.measurement() for log in logs)
+    found = identify(arm, [Sample(fitted)])
+    without = identify(arm, [Sample(fitted)], Settings(groups=("curve", "presliding")))
+    assert "soft" in found.groups
+    left = unexplained(*found.predicted(other))
+    assert (left < 0.01).all()
+    assert np.exp(np.mean(np.log(left / unexplained(*without.predicted(other))))) < 0.9
