@@ -18,10 +18,16 @@ from typing import TYPE_CHECKING, Final
 from dtwin.bus.session import Bus
 from dtwin.errors import ParameterError
 from dtwin.run.options import CellFileOption
+from dtwin.services.runfile import LINE
 from dtwin.services.service import Link, Service, main
 
 if TYPE_CHECKING:
-    from dtwin.console.hub import Clocks, Hub
+    from dtwin.console.clocks import Clocks
+    from dtwin.console.commands import Files
+    from dtwin.console.console import Console
+    from dtwin.console.hub import Hub
+    from dtwin.console.people.audit import Audit
+    from dtwin.console.people.users import Users
     from dtwin.console.web.listening import Bound, Web
 
 log = logging.getLogger(__name__)
@@ -77,14 +83,34 @@ class ConsoleOptions(CellFileOption):
             yield bound
 
     def hub(self, bus: Bus, cell: str, arm: str, clocks: Clocks) -> Hub:
-        """What gathers what the cell says.
+        """What gathers what the cell says, or the line, which has `line` in the place of the arm.
 
         Raises:
             DtwinError: the file of the cell cannot be used.
         """
         from dtwin.console.hub import Hub
+        from dtwin.console.line.hub import LineHub
 
+        if arm == LINE:
+            return LineHub(bus, cell, clocks)
         return Hub(bus, cell, arm, clocks, self.task())
+
+    def console(self, bus: Bus, hub: Hub, clocks: Clocks, audit: Audit, files: Files, users: Users | None) -> Console:
+        """The console of a hub.
+
+        Raises:
+            RecordingError: the journal of the alarms cannot be read.
+        """
+        from dtwin.console.annunciator import Annunciator
+        from dtwin.console.console import Console
+        from dtwin.console.line.annunciator import LineAnnunciator
+        from dtwin.console.line.console import LineConsole
+        from dtwin.console.line.hub import LineHub
+
+        user = getpass.getuser()
+        if isinstance(hub, LineHub):
+            return LineConsole(bus, hub, clocks, audit, files, users, user, LineAnnunciator(self.alarms))
+        return Console(bus, hub, clocks, audit, files, users, user, Annunciator(self.alarms))
 
     @contextmanager
     def serving(self, bound: Bound, bus: Bus, cell: str, arm: str) -> Iterator[Web]:
@@ -93,10 +119,8 @@ class ConsoleOptions(CellFileOption):
         Raises:
             DtwinError: an option cannot be used.
         """
-        from dtwin.console.annunciator import Annunciator
+        from dtwin.console.clocks import Clocks
         from dtwin.console.commands import Files
-        from dtwin.console.console import Console
-        from dtwin.console.hub import Clocks
         from dtwin.console.people.audit import Audit
         from dtwin.console.people.users import Users
         from dtwin.console.web.listening import Web
@@ -107,9 +131,8 @@ class ConsoleOptions(CellFileOption):
         clocks = Clocks(time.monotonic, time.time)
         hub = self.hub(bus, cell, arm, clocks)
         files = Files(self.store, self.history, self.recordings)
-        annunciator = Annunciator(self.alarms)
-        user = getpass.getuser()
-        web = Web(Console(bus, hub, clocks, Audit(self.audit), files, users, user, annunciator), bound)
+        console = self.console(bus, hub, clocks, Audit(self.audit), files, users)
+        web = Web(console, bound)
         hub.listen()
         try:
             yield web

@@ -19,8 +19,9 @@ from dtwin.ai.station import Station
 from dtwin.ai.tools.act import Acting
 from dtwin.ai.trends import Trends
 from dtwin.bus.session import Bus
+from dtwin.console.clocks import Clocks
 from dtwin.console.commands import Files
-from dtwin.console.hub import Clocks, Hub
+from dtwin.console.hub import Hub
 from dtwin.console.people.audit import Audit
 from dtwin.parameters import ROOT, ArmParameters
 from dtwin.task import DEFAULT_TASK, Task

@@ -7,8 +7,9 @@ from pathlib import Path
 
 from dtwin.ai.profiles import Doors
 from dtwin.ai.trends import Trends
+from dtwin.console.clocks import Clocks
 from dtwin.console.commands import Files
-from dtwin.console.hub import Clocks, Hub
+from dtwin.console.hub import Hub
 
 
 @dataclass(frozen=True)

@@ -112,6 +112,7 @@ class Bus:
             raise
         self._lock = threading.Lock()
         self._session = session
+        self._cell = cell
         self._key = key
         self._declared: list[Any] = []
         self._queriers: dict[tuple[str, float], zenoh.Querier] = {}
@@ -127,6 +128,15 @@ class Bus:
     def close(self) -> None:
         """Closes the session; its liveliness tokens and subscriptions end with it."""
         self._session.close()
+
+    def beside(self, arm: str) -> Bus:
+        """The topics of another arm of the same cell or line on the same session, which this bus closes.
+
+        Raises:
+            ParameterError: the arm cannot be part of a key.
+        """
+        check_name(arm, "arm")
+        return Bus(self._session, self._cell, arm, self._key)
 
     def peers(self) -> int:
         """Number of other sessions that this one is connected to."""

@@ -15,9 +15,9 @@ from dtwin.bus.session import Bus
 from dtwin.bus.stopping import stop
 from dtwin.bus.twin_messages import DeskState, MonitoringVerdict, Upload, WatchState
 from dtwin.console.annunciator import Annunciator, Treatment
-from dtwin.console.commands import ConsoleCommand, Files
-from dtwin.console.conditions import STALE
-from dtwin.console.hub import Clocks, Hub
+from dtwin.console.clocks import Clocks
+from dtwin.console.commands import ConsoleCommand, Files, Form
+from dtwin.console.hub import Hub
 from dtwin.console.people.audit import Audit, AuditEntry
 from dtwin.console.people.occupancy import NOBODY_KEEPS
 from dtwin.console.people.sessions import Attempts, Session, Sessions
@@ -42,6 +42,7 @@ class You(msgspec.Struct, frozen=True, tag_field="tell", tag="you"):
         desk: name of the person who has the desk, "" when it is free.
         yours: whether this session has the desk.
         blocked: reason why a command is not possible now, by the name of the command; "" for those that are.
+        zones: zones of a line whose desks this session has.
     """
 
     user: str
@@ -49,6 +50,7 @@ class You(msgspec.Struct, frozen=True, tag_field="tell", tag="you"):
     desk: str
     yours: bool
     blocked: dict[str, str]
+    zones: tuple[str, ...] = ()
 
 
 class Answer(msgspec.Struct, frozen=True):
@@ -136,9 +138,17 @@ class Console:
         if command.always:
             return ""
         age = self.hub.age
-        if age is None or age > STALE:
-            return "the values are older than 1 s"
-        return command.blocked(state) or _not_at(self.desk.state, session)
+        if age is None or age > self.hub.stale:
+            return f"the values are older than {self.hub.stale:g} s"
+        return command.blocked(state) or self._at_desk(session, state)
+
+    def _at_desk(self, session: Session, state: CellState) -> str:
+        """Why a session may not command from where it is, "" when it may, whatever the form says."""
+        return _not_at(self.desk.state, session)
+
+    def _refused(self, command: ConsoleCommand, form: Form, session: Session, state: CellState) -> str:
+        """Why a session cannot give a command with this form now, "" when it can. Raises ParameterError."""
+        return self.refusal(command, session, state)
 
     def command(self, name: str, content: bytes, session: Session, address: str) -> Answer:
         """Gives a command and notes it; blocks until the bus answers.
@@ -152,7 +162,7 @@ class Console:
             if not command.always:
                 self.desk.ask("keep", session)
             state = self.hub.state()
-            if reason := self.refusal(command, session, state):
+            if reason := self._refused(command, form, session, state):
                 return self._noted(name, msgspec.to_builtins(form), session, address, Answer(False, reason))
             message = command.message(form, session.user, self.files)
         except DtwinError as error:
@@ -196,15 +206,17 @@ class Console:
         if may(session.role, "operator") and self.desk.held == session.name:
             self.desk.ask("keep", session)
 
-    def change_desk(self, action: str, session: Session, address: str) -> tuple[bool, str]:
+    def change_desk(self, action: str, session: Session, address: str, zone: str = "") -> tuple[bool, str]:
         """Occupies or leaves the desk for a session, and notes it; returns whether that was done, and words for it.
 
         Raises:
-            ParameterError: the action is neither occupy nor leave.
+            ParameterError: the action is neither occupy nor leave, or a zone is named: a cell has one desk.
             RecordingError: the audit file cannot be written.
         """
         if action not in ("occupy", "leave"):
             raise ParameterError(f"desk: expected occupy or leave, got {action[:50]!r}")
+        if zone:
+            raise ParameterError(f"zone: expected none, since a cell has one desk; got {zone[:50]!r}")
         if action == "leave":
             return self._leave(session, address)
         if not may(session.role, "operator"):
@@ -256,9 +268,7 @@ class Console:
         if not may(session.role, "operator"):
             refusal = f"needs the role operator, {session.user} is {session.role}"
         else:
-            # Where nobody keeps the desk, alarms are treated all the same: one of them may be the bridge's own.
-            desk = self.desk.state
-            refusal = "" if desk is None else _not_at(desk, session)
+            refusal = self._may_treat(treatment, session)
         name, content = f"alarm, {action[:50]}", msgspec.to_builtins(treatment)
         if refusal:
             answer = Answer(False, refusal)
@@ -270,6 +280,12 @@ class Console:
             except ParameterError as error:
                 answer = Answer(False, str(error))
         return self._noted(name, content, session, address, answer)
+
+    def _may_treat(self, treatment: Treatment, session: Session) -> str:
+        """Why a session may not treat an alarm, "" when it may."""
+        # Where nobody keeps the desk, alarms are treated all the same: one of them may be the bridge's own.
+        desk = self.desk.state
+        return "" if desk is None else _not_at(desk, session)
 
     def _noted(self, name: str, content: Any, session: Session, address: str, answer: Answer) -> Answer:
         """What became of something, noted; that there is no room for the note is told, and changes nothing."""

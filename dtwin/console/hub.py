@@ -7,7 +7,6 @@ import math
 import threading
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any, Final, TypeVar
 
 import msgspec
@@ -44,8 +43,9 @@ from dtwin.bus.session import Bus, Subscription
 from dtwin.bus.ticks import Tick
 from dtwin.bus.twin_messages import IdentificationState, MonitoringResiduals, MonitoringVerdict, WatchState
 from dtwin.bus.verdicts.opinion import Opinion
+from dtwin.console.clocks import Clocks
 from dtwin.console.commands import COMMANDS, ConsoleCommand
-from dtwin.console.conditions import NEWS, conditions, doing
+from dtwin.console.conditions import NEWS, STALE, conditions, doing
 from dtwin.console.excited import ExcitedMotion
 from dtwin.console.people.occupancy import Occupancy
 from dtwin.console.telling import CellState, Frame, Health, spots
@@ -74,19 +74,6 @@ EVENTS_KEPT: Final = 60
 M = TypeVar("M", bound=msgspec.Struct)
 
 
-@dataclass(frozen=True)
-class Clocks:
-    """The clocks of a console.
-
-    Attributes:
-        steady: gives a time that only grows, s.
-        wall: gives the time since 1970, s.
-    """
-
-    steady: Callable[[], float]
-    wall: Callable[[], float]
-
-
 class Hub:
     """The last word of everybody in a cell.
 
@@ -108,11 +95,15 @@ class Hub:
         joints: number of joints of the arm.
         commands: what can be commanded in such a cell, by name.
         kept: who keeps its proposals.
+        stale: age from which on its values count as stale, s.
+        patience: longest wait for one answer, s.
     """
 
     joints: int = 3
     commands: Mapping[str, ConsoleCommand] = COMMANDS
     kept: Kept = CELL
+    stale: float = STALE
+    patience: float = PATIENCE
 
     def __init__(self, bus: Bus, cell: str, arm: str, clocks: Clocks, task: Task = DEFAULT_TASK) -> None:
         self.task = task
@@ -186,6 +177,13 @@ class Hub:
             subscribe(ACTED, Acted, self._take_acted),
             subscribe(SENSORS, Sensors, Following(self._take_sensors, self._bus.refuse)),
         ]
+
+    def watch(self, names: frozenset[str]) -> None:
+        """Listens to the arms of these stations; a cell has none."""
+
+    def station(self, name: str) -> msgspec.Struct | None:
+        """What was last heard of the arm of a station that is watched; None in a cell."""
+        return None
 
     def ask_again(self) -> None:
         """Asks at once for what may have changed by a command."""
@@ -392,7 +390,7 @@ class Hub:
     def _ask(self, topic: Topic, reply: type[M]) -> M | None:
         """The answer of a topic without a message, remembered; None without one."""
         try:
-            answer = self._bus.ask(topic, None, reply, PATIENCE)
+            answer = self._bus.ask(topic, None, reply, self.patience)
         except CommunicationError as error:
             log.debug("%s", error)
             return None

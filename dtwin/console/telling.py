@@ -9,6 +9,7 @@ import msgspec
 from dtwin.bus.messages import Latency
 from dtwin.bus.proposals.messages import Proposal
 from dtwin.bus.twin_messages import IdentificationState, MonitoringVerdict, Upload, WatchState
+from dtwin.console.line.faces import LineFace
 from dtwin.signals import BoxCounts, Event, Stop
 from dtwin.task import PICKUP_NAME, Task
 
@@ -168,6 +169,7 @@ class CellState(msgspec.Struct, frozen=True, tag_field="tell", tag="state"):
         tool: its tool in the frame of the last link, (3,), m.
         points: where its boxes wait and belong, by name, (3,), m, in the frame of the base.
         model: the model by which its blocks reckon; None without the simulation service.
+        line: the line that this is; None for a cell.
     """
 
     cell: str
@@ -192,3 +194,4 @@ class CellState(msgspec.Struct, frozen=True, tag_field="tell", tag="state"):
     tool: Values = ()
     points: dict[str, Values] = {}
     model: ModelFace | None = None
+    line: LineFace | None = None

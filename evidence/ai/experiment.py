@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 
 from dtwin.campaign.spread import Progress
 from dtwin.commands.frame import at_least
-from dtwin.console.hub import Clocks
+from dtwin.console.clocks import Clocks
 from dtwin.errors import ParameterError
 from dtwin.services.launch import CellOptions
 from evidence.experiment import ExperimentCommand

@@ -16,8 +16,8 @@ from dtwin.bus.messages import SUMMARY, UPLOAD, Summary
 from dtwin.bus.session import Bus
 from dtwin.bus.twin_messages import Upload
 from dtwin.campaign.spread import Progress
+from dtwin.console.clocks import Clocks
 from dtwin.console.commands import Files
-from dtwin.console.hub import Clocks
 from dtwin.services.launch import CellOptions, launched
 
 FREELY: Final = Limits(hourly=10_000, pause=0.0, factor=1e9)

@@ -15,8 +15,8 @@ from dtwin.ai.answering import Answered
 from dtwin.ai.profiles import Limits
 from dtwin.ai.serving import Place, Served, served
 from dtwin.bus.messages import EVENTS
+from dtwin.console.clocks import Clocks
 from dtwin.console.commands import Files
-from dtwin.console.hub import Clocks
 from dtwin.errors import DtwinError
 from dtwin.monitoring.kinds import PUSH
 from dtwin.recovery.answers import Measure

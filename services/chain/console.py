@@ -12,7 +12,8 @@ from dtwin.services.console import NAME, Options
 from dtwin.services.service import main
 
 if TYPE_CHECKING:
-    from dtwin.console.hub import Clocks, Hub
+    from dtwin.console.clocks import Clocks
+    from dtwin.console.hub import Hub
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -21,7 +21,7 @@ from dtwin.bus.messages import DECIDE_PROPOSAL, LOOK, SETTINGS, STOP, UPLOAD, Se
 from dtwin.bus.proposals.messages import Look, Proposal, ProposalDecision
 from dtwin.bus.session import Bus
 from dtwin.bus.twin_messages import Upload, UploadRequest
-from dtwin.console.hub import Clocks
+from dtwin.console.clocks import Clocks
 from dtwin.errors import CommunicationError
 from dtwin.parameters import ROOT
 from dtwin.services.runfile import join

@@ -8,7 +8,8 @@ from pathlib import Path
 from dtwin.bus.messages import ACTED, SENSORS, TICKS, VOLTAGES
 from dtwin.bus.opening import open_peer
 from dtwin.bus.session import Bus
-from dtwin.console.hub import Clocks, Hub
+from dtwin.console.clocks import Clocks
+from dtwin.console.hub import Hub
 from dtwin.identification.store import ModelStore
 from dtwin.parameters import ROOT
 from dtwin.services.identification import Identification

@@ -40,8 +40,8 @@ from dtwin.bus.twin_messages import (
     PredictionRequest,
     Upload,
 )
+from dtwin.console.clocks import Clocks
 from dtwin.console.commands import Files
-from dtwin.console.hub import Clocks
 from dtwin.controller.settings import USUAL_GAINS
 from dtwin.parameters import ArmParameters
 from dtwin.signals import Event, Sensors, Voltages

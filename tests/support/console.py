@@ -39,9 +39,10 @@ from dtwin.bus.opening import open_peer
 from dtwin.bus.session import Bus
 from dtwin.bus.twin_messages import DeskRequest
 from dtwin.console.annunciator import Annunciator
+from dtwin.console.clocks import Clocks
 from dtwin.console.commands import Files
 from dtwin.console.console import Console
-from dtwin.console.hub import Clocks, Hub
+from dtwin.console.hub import Hub
 from dtwin.console.people.audit import Audit
 from dtwin.console.people.desk import Desk
 from dtwin.console.people.users import Users

@@ -14,7 +14,7 @@ from dtwin.ai.server import NotedServer, offer, offer_prompts, rules_of
 from dtwin.bus.line.messages import LineState
 from dtwin.bus.messages import LINE_STATE
 from dtwin.bus.session import Bus
-from dtwin.console.hub import Clocks
+from dtwin.console.clocks import Clocks
 from dtwin.console.people.audit import Audit
 from dtwin.errors import CommunicationError
 from dtwin.parameters import ROOT

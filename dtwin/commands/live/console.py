@@ -12,17 +12,17 @@ import tyro
 
 from dtwin.commands.live.audits import AuditOptions, outcome
 from dtwin.services.console import NAME, ConsoleOptions
-from dtwin.services.runfile import find, join
+from dtwin.services.runfile import LINE, find, join
 
 
 @dataclass(frozen=True, kw_only=True)
 class ConsoleCommandLine(ConsoleOptions):
-    """Show a running cell to its operators on a web page, until Ctrl-C."""
+    """Show a running cell or line to its operators on a web page, until Ctrl-C."""
 
     cell: str = "cell"
-    """Name of the cell."""
+    """Name of the cell or line."""
     arm: str = "arm"
-    """Name of the arm, for a cell on another machine."""
+    """Name of the arm, for a cell on another machine; line for a line."""
     zenoh: Path | None = None
     """Zenoh configuration file, for a cell on another machine."""
 
@@ -36,7 +36,8 @@ class ConsoleCommandLine(ConsoleOptions):
             shown.serving(bound, bus, self.cell, arm) as web,
         ):
             bus.announce(NAME)
-            print(f"the console of cell {self.cell!r} is at {web.address}; Ctrl-C ends it", flush=True)
+            what = "line" if arm == LINE else "cell"
+            print(f"the console of {what} {self.cell!r} is at {web.address}; Ctrl-C ends it", flush=True)
             threading.Event().wait()
         return 0
 

@@ -36,7 +36,7 @@ from dtwin.terminal import print_json, printable
 
 if TYPE_CHECKING:
     from dtwin.ai.server import NotedServer
-    from dtwin.console.hub import Clocks
+    from dtwin.console.clocks import Clocks
 
 AUDIT: Final = Path("ai-audit.jsonl")
 MISSING: Final = "the interface to an AI needs packages that are not installed: pip install 'dtwin[mcp]'"
@@ -273,7 +273,7 @@ class McpDecline(_Decision):
 
 
 def _clocks() -> Clocks:
-    from dtwin.console.hub import Clocks
+    from dtwin.console.clocks import Clocks
 
     return Clocks(time.monotonic, time.time)
 

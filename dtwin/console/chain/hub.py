@@ -17,8 +17,9 @@ from dtwin.bus.session import Bus, Subscription
 from dtwin.bus.twin_messages import MonitoringVerdict
 from dtwin.console.chain.commands import CHAIN_COMMANDS
 from dtwin.console.chain.faces import joint_faces, points_of
+from dtwin.console.clocks import Clocks
 from dtwin.console.conditions import conditions, doing
-from dtwin.console.hub import BEHIND, KEPT_EVERY, Clocks, Hub
+from dtwin.console.hub import BEHIND, KEPT_EVERY, Hub
 from dtwin.console.telling import CellState, Frame, ModelFace
 
 RECOVERY: Final = "recovery"

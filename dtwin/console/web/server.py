@@ -193,8 +193,9 @@ class Server:
         )
 
     async def _desk(self, request: Request, session: Session) -> Response:
+        zone = request.query_params.get("zone", "")
         done, text = await run_in_threadpool(
-            self.console.change_desk, request.path_params["action"], session, address_of(request)
+            self.console.change_desk, request.path_params["action"], session, address_of(request), zone
         )
         return as_json(Answer(done, text), 200 if done else 409)
 

@@ -29,6 +29,10 @@ KEEPING: Final = 1.5
 """Time between two signs of life that are passed on to who keeps the desk, s."""
 ACTED: Final = "acted"
 """What a page says when its person has done something; anything else is a sign of life of the page alone."""
+LOOKS: Final = "look "
+"""What a page says before the name of the station of a line whose arm it shows, "" for none."""
+LONGEST: Final = 64
+"""Length of the longest name of a station."""
 MOST: Final = 64
 """Number of pages at one time."""
 
@@ -45,6 +49,7 @@ class Reader:
         acted: time at which its person last did something, s.
         kept: time of the last sign of life that was passed on, s; before the first one, minus infinity.
         over: whether the session has ended.
+        station: name of the station whose arm the page shows, "" for none.
     """
 
     def __init__(self, session: Session, now: float) -> None:
@@ -52,6 +57,7 @@ class Reader:
         self.acted = now
         self.kept = -math.inf
         self.over = False
+        self.station = ""
         self.told: dict[str, bytes] = {}
         self.waiting: dict[str, bytes] = {}
         self.news = asyncio.Event()
@@ -114,10 +120,13 @@ class Stream:
     def _tell(self, count: int) -> None:
         console, hub = self._console, self._console.hub
         hub.follow_path(bool(self._readers))
+        hub.watch(frozenset(reader.station for reader in self._readers))
         if self._readers:
             encoded = msgspec.json.encode(hub.frame())
             for reader in self._readers:
                 reader.put("frame", encoded)
+                if (face := hub.station(reader.station)) is not None:
+                    reader.put("station", msgspec.json.encode(face))
         if count % STATE_EVERY == 0:
             state, at = hub.state(), console.clocks.wall()
             console.annunciator.look(state, hub.fresh_events(), hub.age, at)
@@ -173,6 +182,8 @@ class Stream:
                 said, now = await socket.receive_text(), self._console.clocks.steady()
                 if said == ACTED:
                     reader.acted = now
+                elif said.startswith(LOOKS):
+                    reader.station = said.removeprefix(LOOKS)[:LONGEST]
                 if now - reader.acted < IDLE and now - reader.kept >= KEEPING:
                     reader.kept = now
                     await run_in_threadpool(self._console.keep_desk, reader.session)

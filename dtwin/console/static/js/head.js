@@ -44,24 +44,33 @@ export function makeHead(node) {
 
   return function refresh() {
     const state = store.state;
-    setText(title, state ? `${state.cell} / ${state.arm}` : "Cell console");
+    setText(title, !state ? "Cell console" : state.line ? `Line ${state.cell}` : `${state.cell} / ${state.arm}`);
     document.title = state ? `${state.cell}: console` : "Cell console";
+    for (const each of stop.nodes) each.hidden = Boolean(state?.line);
     const [words, kind] = liveness();
     setText(live, words);
     live.className = `tag ${kind}`;
     setText(doing, state ? state.doing.charAt(0).toUpperCase() + state.doing.slice(1) : "");
     stop.refresh();
     const you = store.you;
-    setText(desk, you ? `Desk: ${you.yours ? "yours" : you.desk || "free"}; ${you.user}, ${you.role}` : "");
-    setText(occupy, you?.yours ? "Leave the desk" : "Occupy the desk");
+    setText(desk, you ? `${state?.line ? desksOf(state.line, you) : `Desk: ${you.yours ? "yours" : you.desk || "free"}`}; ${you.user}, ${you.role}` : "");
+    if (state?.line) setText(occupy, you?.yours ? "Leave my desks" : "Take all desks");
+    else setText(occupy, you?.yours ? "Leave the desk" : "Occupy the desk");
     logout.hidden = !store.session?.login;
   };
+}
+
+/** Who has the desks of a line's zones. */
+function desksOf({ desks }, you) {
+  if (you.zones.length === desks.length && desks.length) return "Desks: all yours";
+  const had = desks.filter(({ user }) => user).map(({ zone, user }) => `${zone} ${you.zones.includes(zone) ? "yours" : user}`);
+  return `Desks: ${had.slice(0, 4).join(", ") || "free"}${had.length > 4 ? " and more" : ""}`;
 }
 
 function liveness() {
   if (store.past) return ["◷ not live: the past", "warn"];
   if (!store.connected) return ["✕ no connection to the console", "severe"];
-  if (store.stale) return [`▲ stale: ${Number.isFinite(store.age) ? `last sample ${store.age.toFixed(0)} s ago` : "no sample yet"}`, "severe"];
+  if (store.stale) return [`▲ stale: ${Number.isFinite(store.age) ? `last ${store.state?.line ? "word" : "sample"} ${store.age.toFixed(0)} s ago` : "no sample yet"}`, "severe"];
   return ["● live", ""];
 }
 

@@ -1,11 +1,11 @@
 // Starts the page: session, stream, and the display that the address names.
 import { forgetPalette } from "./canvas.js";
-import { el } from "./dom.js";
+import { el, rebuild } from "./dom.js";
 import { findSession } from "./api.js";
-import { follow } from "./stream.js";
+import { follow, look } from "./stream.js";
 import { store } from "./store.js";
 import { makeHead, refreshAlarmLine } from "./head.js";
-import { DISPLAYS } from "./displays/index.js";
+import { DISPLAYS, FIRST } from "./displays/index.js";
 
 const content = document.getElementById("content");
 const navigation = document.getElementById("displays");
@@ -13,39 +13,58 @@ const alarmLine = document.getElementById("alarm-line");
 let display = null;
 let shownAs = "";
 let drawing = false;
-let madeFor = "[]";
-const kindOf = () => (store.state?.joints?.length ? "any" : "thesis");
+const kindOf = () => (store.state?.line ? "line" : store.state?.joints?.length ? "any" : "thesis");
+const armOf = () => JSON.stringify([kindOf(), store.state?.joints?.map(({ name }) => name) ?? []]);
+let madeFor = armOf();
 
 const refreshHead = makeHead(document.getElementById("head"));
-const links = Object.entries(DISPLAYS).map(([name, { title }]) => el("a", { href: `#${name}` }, title));
-navigation.replaceChildren(...links);
+
+/** The address of a display, and of what is selected on it: #zone/a. */
+function asked() {
+  const [name, ...rest] = decodeURIComponent(location.hash.slice(1)).split("/");
+  const display = DISPLAYS[name];
+  const here = display && (!display.of || !store.state || display.of.includes(kindOf()));
+  return here && (!display.each || rest[0]) ? [name, display.each ? rest[0] : ""] : [FIRST[kindOf()], ""];
+}
+
+/** A link to each display, and to each zone of a line and the station that is selected. */
+function refreshLinks() {
+  const shown = Object.entries(DISPLAYS).filter(([, { of }]) => !of || of.includes(kindOf()));
+  const found = shown.flatMap(([name, { title, each }]) => (each ? each(shownAs).map((one) => [`${name}/${one}`, `${title} ${one}`]) : [[name, title]]));
+  const focused = document.activeElement?.closest?.("#displays a")?.getAttribute("href");
+  rebuild(navigation, found, () => found.map(([address, title]) => el("a", { href: `#${address}` }, title)));
+  for (const link of navigation.children) {
+    const current = link.getAttribute("href") === `#${shownAs}`;
+    if (current) link.setAttribute("aria-current", "page");
+    else link.removeAttribute("aria-current");
+    if (focused === link.getAttribute("href")) link.focus();
+  }
+}
 
 function open() {
-  const asked = DISPLAYS[location.hash.slice(1)];
-  const name = asked && (!asked.of || !store.state || asked.of === kindOf()) ? location.hash.slice(1) : "overview";
-  if (name === shownAs) return;
+  const [name, selected] = asked();
+  const address = selected ? `${name}/${selected}` : name;
+  if (address === shownAs) return;
   display?.close?.();
-  shownAs = name;
-  for (const link of links) link.toggleAttribute("aria-current", false);
-  links[Object.keys(DISPLAYS).indexOf(name)].setAttribute("aria-current", "page");
-  display = DISPLAYS[name].make();
+  shownAs = address;
+  display = DISPLAYS[name].make(selected);
   content.replaceChildren(display.node);
   content.dataset.display = name;
+  look(name === "station" ? selected : "");
   refresh();
 }
 
-/** Displays are made for an arm: another one has others. */
+/** Displays are made for an arm or a line: another one has others. */
 function remade() {
-  const arm = JSON.stringify(store.state?.joints?.map(({ name }) => name) ?? []);
-  if (arm === madeFor) return;
-  madeFor = arm;
-  for (const [index, { of }] of Object.values(DISPLAYS).entries()) links[index].hidden = Boolean(of && of !== kindOf());
+  if (armOf() === madeFor) return;
+  madeFor = armOf();
   shownAs = "";
   open();
 }
 
 function refresh() {
   remade();
+  refreshLinks();
   refreshHead();
   refreshAlarmLine(alarmLine);
   document.body.classList.toggle("stale", store.stale || (!store.connected && !store.past));
@@ -68,7 +87,7 @@ function draw() {
 }
 
 for (const kind of ["state", "you", "alarms"]) store.addEventListener(kind, refresh);
-store.addEventListener("frame", draw);
+for (const kind of ["frame", "station"]) store.addEventListener(kind, draw);
 window.addEventListener("hashchange", open);
 window.addEventListener("resize", () => {
   forgetPalette();

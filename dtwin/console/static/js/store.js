@@ -49,6 +49,8 @@ class Store extends EventTarget {
     super();
     this.live = { frame: null, state: null, trends: new Trends() };
     this.alarms = null;
+    this.station = null;
+    this.forgetStation();
     this.past = null;
     this.session = null;
     this.you = null;
@@ -73,7 +75,9 @@ class Store extends EventTarget {
     if (!this.connected || !frame || frame.age == null) return Infinity;
     return frame.age + (performance.now() - this.received) / 1000;
   }
-  get stale() { return this.past === null && this.age > 1; }
+  get stale() { return this.past === null && this.age > (this.live.state?.line ? 2 : 1); }
+  /** The arm of the station that is selected: its name, its last frame, and a minute of trends. */
+  forgetStation() { this.station = { name: "", frame: null, trends: new Trends() }; }
   take(message) {
     if (message.tell === "frame") {
       this.live.frame = message;
@@ -82,8 +86,14 @@ class Store extends EventTarget {
       if (message.theta) this.live.trends.add(rowOf(message));
     } else if (message.tell === "state") this.live.state = message;
     else if (message.tell === "alarms") this.alarms = message;
+    else if (message.tell === "station") this.takeStation(message);
     else this.you = message;
     this.tell(message.tell);
+  }
+  takeStation({ name, frame }) {
+    if (this.station.name !== name) this.forgetStation();
+    Object.assign(this.station, { name, frame, received: performance.now() });
+    if (frame.theta) this.station.trends.add(rowOf(frame));
   }
   tell(kind) { this.dispatchEvent(new Event(kind)); }
   connect(connected) {

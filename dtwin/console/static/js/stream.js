@@ -11,6 +11,7 @@ const LONGEST = 3000;
 const SIGNS = 2000;
 const said = { here: -Infinity, acted: -Infinity };
 let socket = null;
+let looksAt = "";
 let heard = 0;
 let delay = FIRST;
 
@@ -28,6 +29,14 @@ export function follow() {
   for (const sign of ["pointerdown", "keydown"]) document.addEventListener(sign, () => say("acted"));
 }
 
+/** Has the arm of a station of a line told, "" for none. */
+export function look(station) {
+  if (station === looksAt) return;
+  looksAt = station;
+  store.forgetStation();
+  if (socket?.readyState === WebSocket.OPEN) socket.send(`look ${station}`);
+}
+
 // The page is alive as long as it takes what it is told, also behind other windows, where timers are slowed down.
 function say(sign) {
   if (performance.now() - said[sign] < SIGNS || socket?.readyState !== WebSocket.OPEN) return;
@@ -39,7 +48,10 @@ function open() {
   const made = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/api/stream`);
   socket = made;
   heard = performance.now();
-  made.onopen = () => { heard = performance.now(); };
+  made.onopen = () => {
+    heard = performance.now();
+    if (looksAt) made.send(`look ${looksAt}`);
+  };
   made.onmessage = (event) => {
     if (made !== socket) return;
     heard = performance.now();

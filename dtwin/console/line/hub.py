@@ -1,0 +1,186 @@
+"""Gathers what a line says on its bus, for everybody who looks at it."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import Final
+
+from dtwin.bus.line.messages import FlowEffect, LinePlan, LineState, SetUpQuestion
+from dtwin.bus.messages import EVENTS, LINE_LOOK, LINE_PLAN, LINE_PREDICT, LINE_STATE, STATUS, Status
+from dtwin.bus.proposals.deciding import LINE
+from dtwin.bus.proposals.messages import LineLook
+from dtwin.bus.session import Bus
+from dtwin.console.clocks import Clocks
+from dtwin.console.hub import Hub
+from dtwin.console.line.commands import LINE_COMMANDS, LINE_STALE
+from dtwin.console.line.conditions import conditions
+from dtwin.console.line.desks import ZoneOccupancy
+from dtwin.console.line.faces import LineFace
+from dtwin.console.line.stations import StationFace, Stations
+from dtwin.console.telling import CellState, Frame
+from dtwin.errors import CommunicationError
+from dtwin.signals import Event
+
+SERVICE: Final = "line"
+"""Name of the service that answers for a line, and of what stands in the place of an arm in its keys."""
+ASKING: Final = 0.4
+"""Time between two rounds of questions while a page is open, s."""
+ASKING_UNREAD: Final = 1.0
+"""The same while none is, s: alarms need no more."""
+PATIENCE: Final = 5.0
+"""Longest wait for one answer, s: between two cycles the line may take seconds to look at an arm."""
+TREND_EVERY: Final = 5.0
+"""Plant time between two values of the trend, s."""
+TREND: Final = 720
+"""Number of values of the trend: an hour."""
+
+
+class LineHub(Hub):
+    """The last word of a line.
+
+    Args:
+        bus: session on which the hub listens and asks.
+        line: name of the line.
+        clocks: clocks of the console.
+
+    Attributes:
+        desks: who has the desks of its zones.
+    """
+
+    commands = LINE_COMMANDS
+    kept = LINE
+    stale = LINE_STALE
+    patience = PATIENCE
+
+    def __init__(self, bus: Bus, line: str, clocks: Clocks) -> None:
+        super().__init__(bus, line, SERVICE, clocks)
+        self.desk = self.desks = ZoneOccupancy(bus)
+        self._read = False
+        self._state: LineState | None = None
+        self._trend: deque[tuple[float, float]] = deque(maxlen=TREND)
+        self._expected: FlowEffect | None = None
+        self._asked_for: object = None
+        self._stations = Stations(bus, clocks.steady, clocks.wall)
+
+    def listen(self) -> None:
+        """Subscribes to what is published, and begins to ask for the rest."""
+        self._bus.subscribe(STATUS, Status, self._take_status)
+        self._bus.subscribe(EVENTS, Event, self._take_event)
+        self._bus.watch_alive(self._take_token)
+        self._asking.start()
+
+    def follow_path(self, wanted: bool) -> None:
+        """Asks more often while a page is open."""
+        if wanted and not self._read:
+            self._news.set()
+        self._read = wanted
+
+    def watch(self, names: frozenset[str]) -> None:
+        """Listens to the arms of these stations, which pages show, and to no others."""
+        state = self._state
+        known = frozenset(() if state is None else (station.name for station in state.stations))
+        self._stations.watch(names & known)
+
+    def station(self, name: str) -> StationFace | None:
+        """What was last heard of the arm of a station that is watched."""
+        return self._stations.face(name)
+
+    @property
+    def age(self) -> float | None:
+        """Time since the line has told how it does, s; None before."""
+        return None if self._state is None else self._clocks.steady() - self._heard[0]
+
+    def frame(self) -> Frame:
+        """When the line was last heard of."""
+        state, age = self._state, self.age
+        if state is None or age is None:
+            return Frame()
+        return Frame(state.time, round(max(0.0, age), 3), round(1e3 * self._heard[1], 1))
+
+    def state(self) -> CellState:
+        """How the line does."""
+        state, look = self._state, self._last.get(LineLook)
+        proposals = () if look is None else look.proposals
+        lost = self._lost()
+        face = LineFace(
+            state,
+            self._last.get(LinePlan),
+            self.desks.desks or (),
+            tuple(self._trend),
+            self._expected,
+            lost,
+            not self.is_here(SERVICE),
+        )
+        opened = sum(each.state == "open" for each in proposals)
+        return CellState(
+            *self._names,
+            doing=_doing(state),
+            services=self._services(),
+            proposals=proposals,
+            events=tuple(self._events),
+            conditions=conditions(state, lost, opened),
+            line=face,
+        )
+
+    def _lost(self) -> str:
+        """Why nothing is heard of the line, "" while it is."""
+        age = self.age
+        if age is not None and age <= LINE_STALE:
+            return ""
+        since = "" if age is None else f" for {age:.0f} s"
+        if not self.is_here(SERVICE):
+            return "the line has ended, or cannot be reached"
+        return f"the line does not answer{since}: it is busy, or hangs"
+
+    def _ask_all(self) -> None:
+        while not self._over.is_set():
+            state = self._ask(LINE_STATE, LineState) if self.is_here(SERVICE) else None
+            if state is not None:
+                self._take_state(state)
+            self.desks.look(self.is_here(SERVICE))
+            if state is not None:
+                self._ask(LINE_LOOK, LineLook)
+                if self._read and LinePlan not in self._last:
+                    self._ask(LINE_PLAN, LinePlan)
+                self._ask_expected(state)
+            self._news.wait(ASKING if self._read else ASKING_UNREAD)
+            self._news.clear()
+
+    def _take_state(self, state: LineState) -> None:
+        before = self._state
+        if before is None or state.time < before.time or state.name != before.name:
+            # Another line, or the same from its beginning: what was known of the one before counts no more.
+            self._trend.clear()
+            self._last.pop(LinePlan, None)
+            self._expected = self._asked_for = None
+        if state.time - (self._trend[-1][0] if self._trend else -math.inf) >= TREND_EVERY:
+            self._trend.append((round(state.time, 1), round(state.rate, 1)))
+        self._state, self._heard = state, (self._clocks.steady(), self._clocks.wall())
+
+    def _ask_expected(self, state: LineState) -> None:
+        """Asks what the twins expect, once for each set-up and what the arms can still do."""
+        asked_for = state.version, tuple((each.ability, each.doing == "stopped") for each in state.stations)
+        if not self._read or asked_for == self._asked_for:
+            return
+        try:
+            self._expected = self._bus.ask(LINE_PREDICT, SetUpQuestion(), FlowEffect, PATIENCE)
+            self._asked_for = asked_for
+        except CommunicationError:
+            # A refusal is an answer, too: there is no set-up that the arms can still do.
+            self._expected = None
+            self._asked_for = asked_for
+
+
+def _doing(state: LineState | None) -> str:
+    """What the line does, in one line."""
+    if state is None:
+        return "nothing is heard of the line yet"
+    stopped = [station.name for station in state.stations if station.doing == "stopped"]
+    if stopped:
+        return f"stopped: {', '.join(stopped)}"
+    rate = f", {state.rate:.0f} boxes/h" if state.rate else ""
+    return f"{state.left} boxes left, {state.inside} inside{rate}; the twins {_MODES.get(state.twins, state.twins)}"
+
+
+_MODES: Final = {"act": "act", "propose": "propose", "off": "are off"}

@@ -1,0 +1,94 @@
+"""The arms of stations that pages look at: their readings are heard only as long as somebody does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import msgspec
+
+from dtwin.bus.messages import SENSORS, VOLTAGES
+from dtwin.bus.session import Bus, Subscription
+from dtwin.console.telling import Frame
+from dtwin.signals import Sensors, Voltages
+
+
+class StationFace(msgspec.Struct, frozen=True, tag_field="tell", tag="station"):
+    """The arm of a station at its last sample.
+
+    Attributes:
+        name: name of the station.
+        frame: the arm; without positions as long as nothing of it is heard.
+    """
+
+    name: str
+    frame: Frame
+
+
+@dataclass
+class _Watched:
+    """What is heard of one arm."""
+
+    subscriptions: list[Subscription]
+    sensors: Sensors | None = None
+    acted: Voltages | None = None
+    heard: tuple[float, float] = (0.0, 0.0)
+
+
+class Stations:
+    """Listens to arms of stations.
+
+    Args:
+        bus: session of the line.
+        steady: gives a time that only grows, s.
+        wall: gives the time since 1970, s.
+    """
+
+    def __init__(self, bus: Bus, steady: Callable[[], float], wall: Callable[[], float]) -> None:
+        self._bus, self._steady, self._wall = bus, steady, wall
+        self._watched: dict[str, _Watched] = {}
+
+    def watch(self, names: frozenset[str]) -> None:
+        """Listens to these stations and to no others."""
+        for name in self._watched.keys() - names:
+            for subscription in self._watched.pop(name).subscriptions:
+                subscription.end()
+        for name in names - self._watched.keys():
+            self._watched[name] = self._listen(name)
+
+    def face(self, name: str) -> StationFace | None:
+        """What was last heard of a station's arm; None for one that is not watched."""
+        found = self._watched.get(name)
+        if found is None:
+            return None
+        sensors, acted = found.sensors, found.acted
+        if sensors is None:
+            return StationFace(name, Frame())
+        return StationFace(
+            name,
+            Frame(
+                sensors.time,
+                round(max(0.0, self._steady() - found.heard[0]), 3),
+                round(1e3 * found.heard[1], 1),
+                sensors.theta,
+                volts=None if acted is None else acted.volts,
+                gripper=sensors.gripper,
+                gripped=acted is not None and acted.box_gripped,
+                box=sensors.box_colour if sensors.box_present else "",
+            ),
+        )
+
+    def _listen(self, name: str) -> _Watched:
+        watched, bus = _Watched([]), self._bus.beside(name)
+
+        def take_sensors(sensors: Sensors) -> None:
+            watched.sensors, watched.heard = sensors, (self._steady(), self._wall())
+
+        def take_acted(acted: Voltages) -> None:
+            watched.acted = acted
+
+        watched.subscriptions = [
+            bus.subscribe(SENSORS, Sensors, take_sensors),
+            bus.subscribe(VOLTAGES, Voltages, take_acted),
+        ]
+        return watched
