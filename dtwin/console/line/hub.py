@@ -22,8 +22,10 @@ from dtwin.console.telling import CellState, Frame
 from dtwin.errors import CommunicationError
 from dtwin.signals import Event
 
-SERVICE: Final = "line"
-"""Name of the service that answers for a line, and of what stands in the place of an arm in its keys."""
+LINE_ARM: Final = "line"
+"""What stands in the place of an arm in the keys of a line."""
+ANSWERING: Final = ("overall", "line")
+"""Names of the services that may answer for a line."""
 ASKING: Final = 0.4
 """Time between two rounds of questions while a page is open, s."""
 ASKING_UNREAD: Final = 1.0
@@ -54,7 +56,7 @@ class LineHub(Hub):
     patience = PATIENCE
 
     def __init__(self, bus: Bus, line: str, clocks: Clocks) -> None:
-        super().__init__(bus, line, SERVICE, clocks)
+        super().__init__(bus, line, LINE_ARM, clocks)
         self.desk = self.desks = ZoneOccupancy(bus)
         self._read = False
         self._state: LineState | None = None
@@ -110,7 +112,7 @@ class LineHub(Hub):
             tuple(self._trend),
             self._expected,
             lost,
-            not self.is_here(SERVICE),
+            not self._is_there(),
         )
         opened = sum(each.state == "open" for each in proposals)
         return CellState(
@@ -123,22 +125,26 @@ class LineHub(Hub):
             line=face,
         )
 
+    def _is_there(self) -> bool:
+        """Whether the token of the service that answers for the line is there."""
+        return any(map(self.is_here, ANSWERING))
+
     def _lost(self) -> str:
         """Why nothing is heard of the line, "" while it is."""
         age = self.age
         if age is not None and age <= LINE_STALE:
             return ""
         since = "" if age is None else f" for {age:.0f} s"
-        if not self.is_here(SERVICE):
+        if not self._is_there():
             return "the line has ended, or cannot be reached"
         return f"the line does not answer{since}: it is busy, or hangs"
 
     def _ask_all(self) -> None:
         while not self._over.is_set():
-            state = self._ask(LINE_STATE, LineState) if self.is_here(SERVICE) else None
+            state = self._ask(LINE_STATE, LineState) if self._is_there() else None
             if state is not None:
                 self._take_state(state)
-            self.desks.look(self.is_here(SERVICE))
+            self.desks.look(self._is_there())
             if state is not None:
                 self._ask(LINE_LOOK, LineLook)
                 if self._read and LinePlan not in self._last:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import msgspec
 
-from dtwin.bus.messages import SENSORS, VOLTAGES
+from dtwin.bus.messages import PATH, SENSORS, VOLTAGES, Path
+from dtwin.bus.pairs import Pairs
 from dtwin.bus.session import Bus, Subscription
+from dtwin.console.hub import BEHIND
 from dtwin.console.telling import Frame
 from dtwin.signals import Sensors, Voltages
 
@@ -33,6 +36,8 @@ class _Watched:
     sensors: Sensors | None = None
     acted: Voltages | None = None
     heard: tuple[float, float] = (0.0, 0.0)
+    pairs: Pairs[Sensors, Path] = field(default_factory=Pairs)
+    on_path: tuple[Sensors, Path] | None = None
 
 
 class Stations:
@@ -47,6 +52,7 @@ class Stations:
     def __init__(self, bus: Bus, steady: Callable[[], float], wall: Callable[[], float]) -> None:
         self._bus, self._steady, self._wall = bus, steady, wall
         self._watched: dict[str, _Watched] = {}
+        self._pairing = threading.Lock()
 
     def watch(self, names: frozenset[str]) -> None:
         """Listens to these stations and to no others."""
@@ -61,9 +67,13 @@ class Stations:
         found = self._watched.get(name)
         if found is None:
             return None
-        sensors, acted = found.sensors, found.acted
-        if sensors is None:
+        newest, acted = found.sensors, found.acted
+        if newest is None:
             return StationFace(name, Frame())
+        # A position and a path of two samples would look like a distance from the path.
+        both = found.on_path
+        kept = both is not None and 0 <= newest.sequence - both[0].sequence < BEHIND
+        sensors, path = both if both is not None and kept else (newest, None)
         return StationFace(
             name,
             Frame(
@@ -71,6 +81,7 @@ class Stations:
                 round(max(0.0, self._steady() - found.heard[0]), 3),
                 round(1e3 * found.heard[1], 1),
                 sensors.theta,
+                None if path is None else path.theta,
                 volts=None if acted is None else acted.volts,
                 gripper=sensors.gripper,
                 gripped=acted is not None and acted.box_gripped,
@@ -83,6 +94,12 @@ class Stations:
 
         def take_sensors(sensors: Sensors) -> None:
             watched.sensors, watched.heard = sensors, (self._steady(), self._wall())
+            with self._pairing:
+                watched.on_path = watched.pairs.first(sensors) or watched.on_path
+
+        def take_path(path: Path) -> None:
+            with self._pairing:
+                watched.on_path = watched.pairs.second(path) or watched.on_path
 
         def take_acted(acted: Voltages) -> None:
             watched.acted = acted
@@ -90,5 +107,6 @@ class Stations:
         watched.subscriptions = [
             bus.subscribe(SENSORS, Sensors, take_sensors),
             bus.subscribe(VOLTAGES, Voltages, take_acted),
+            bus.subscribe(PATH, Path, take_path),
         ]
         return watched

@@ -1,6 +1,7 @@
-"""Takes the pictures of docs/console.md: every display of a cell at work, in a browser."""
+"""Takes the pictures of docs/console.md: every display of a cell and of a line at work, in a browser."""
 
 import os
+import re
 import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -9,11 +10,14 @@ from playwright.sync_api import Page, sync_playwright
 
 from dtwin.parameters import ROOT
 from dtwin.services import runfile
+from dtwin.services.console import ConsoleOptions
 from tests.support.desk import Desk, new_desk
 from tests.support.pages.browsers import ARGUMENTS, find_chromium
 from tests.support.waiting import until
 
 CELL = ("--pace", "lockstep", "--console", "--monitoring", "--simulation", "--identification", "--noise", "0.002")
+LINE_FAULT = "a2:K2*=0.1@144.5-900"
+"""Station a2 loses its shoulder with a box held, when a few boxes have left the line."""
 SLOW = 120_000
 """ms"""
 
@@ -34,9 +38,31 @@ def main() -> int:
         page.goto(runfile.require("cell").console)
         page.get_by_role("button", name="Occupy the desk").click(timeout=SLOW)
         _take_all(page, desk, folder)
-        browser.close()
         desk.run("down")
+        _take_line(browser.new_page(viewport={"width": 1280, "height": 720}, color_scheme="light"), desk, folder)
+        browser.close()
     return 0
+
+
+def _take_line(page: Page, desk: Desk, folder: Path) -> None:
+    """Pictures of a line whose twins propose what to do about an arm that has failed."""
+    desk.run("line", "up", "--detach", "--fault", LINE_FAULT)
+    console = ConsoleOptions()
+    with (
+        console.bound() as bound,
+        runfile.join_line("line") as bus,
+        console.serving(bound, bus, "line", runfile.LINE) as web,
+    ):
+        page.goto(web.address)
+        page.get_by_role("button", name="Take desk a").click(timeout=SLOW)
+        page.get_by_role("button", name=re.compile("^Approve")).wait_for(timeout=3 * SLOW)
+        _take(page, folder, "line")
+        _open(page, "Zone a")
+        page.get_by_label("mark", exact=True).select_option("a1")
+        _press(page, "What if")
+        page.get_by_text("boxes/h expected").wait_for(timeout=SLOW)
+        _take(page, folder, "zone")
+    desk.run("down", "--cell", "line")
 
 
 def _take_all(page: Page, desk: Desk, folder: Path) -> None:
@@ -74,7 +100,7 @@ def _take_all(page: Page, desk: Desk, folder: Path) -> None:
 
 
 def _open(page: Page, display: str) -> None:
-    page.get_by_role("link", name=display, exact=True).click()
+    page.locator("nav").get_by_role("link", name=display, exact=True).click()
 
 
 def _press(page: Page, name: str, confirmed: bool = False) -> None:

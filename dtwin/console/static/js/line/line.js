@@ -54,11 +54,11 @@ export function makeLine() {
     for (const part of others) part.refresh(line);
     const expected = store.state.line.expected;
     rebuild(counts, [line.rate, line.left, line.inside, line.entered, line.lost, line.collisions, line.late, expected?.rate_now, line.every], () => figures([
-      ["Boxes/h, last 10 minutes", line.rate ? el("strong", { class: "big" }, number(line.rate, 1)) : "not yet"],
-      ["Twins expect", !expected ? "–" : expected.rate_now ? number(expected.rate_now, 1) : el("span", { class: "tag warn" }, "△ nothing: a station cannot do its part")],
+      ["Boxes/h, 10 minutes", line.rate ? el("strong", { class: "big" }, number(line.rate, 1)) : "not yet"],
+      ["Twins expect", !expected ? "–" : expected.rate_now ? number(expected.rate_now, 1) : el("span", { class: "tag warn" }, "△ 0: a station cannot")],
       ["Source brings", number(HOUR / line.every, 1)],
       ["Entered, inside, left", `${line.entered}, ${line.inside}, ${line.left}`],
-      ["Lost; touches; late cycles", `${line.lost}; ${line.collisions}; ${line.late}`],
+      ["Lost, touches, late", `${line.lost}, ${line.collisions}, ${line.late}`],
     ]));
     rebuild(setUp, [line.set_up, line.version, line.twins, expected], () => [
       `Set-up ${line.version} in force: `,
@@ -131,7 +131,7 @@ function zoneBlock(name) {
     const loaded = vehicles.filter(({ box }) => box).length;
     const expected = expectedOf(name);
     rebuild(words, [zone, loaded, vehicles.length, expected?.rate_now], () => document.createTextNode(
-      `${zone.rate ? `${number(zone.rate, 0)} boxes/h` : "no rate yet"}${expected ? ` of ${number(expected.rate_now, 0)} that the zone lets through` : ""}; ${several(zone.inside, "box", "boxes")}, ${loaded} of ${vehicles.length} vehicles loaded`));
+      `${zone.rate ? `${number(zone.rate, 0)} boxes/h` : "no rate yet"}${expected ? `, could let ${number(expected.rate_now, 0)} through` : ""}; ${several(zone.inside, "box", "boxes")}, ${loaded} of ${vehicles.length} vehicles loaded`));
     rebuild(stations, [own, line.set_up], () => table("", ["Station", "Does", "Now", "OEE", "Its arm can do"],
       own.map((each) => [stationLink(each.name), operationsOf(each.name).join(", ") || "nothing", doing(each), percent(oee(each)), ability(each)]), { numeric: [3], empty: "No station." }));
   }

@@ -35,8 +35,7 @@ export function makeSetUp(zone) {
   const why = { label: el("label", { for: `why-${zone}` }, "Reason"), input: el("input", { id: `why-${zone}`, maxlength: 200, value: "by hand" }) };
 
   const shown = (flow) => [
-    el("p", {}, flow.difference.join("; ") || "nothing changes"),
-    table("What the twins expect, boxes/h", ["", "Now", "Then"], [
+    table("", ["The twins expect, boxes/h", "Now", "Then"], [
       ["Line", number(flow.rate_now, 1), number(flow.rate, 1)],
       ...flow.zones.map((each) => [`Zone ${each.zone}`, number(each.rate_now, 1), number(each.rate, 1)]),
     ], { numeric: [1, 2] }),

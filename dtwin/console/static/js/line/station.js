@@ -7,24 +7,26 @@ import { drawTrend } from "../trend.js";
 import { ability, box, decisionRows, doing, makeDesk, oee, operationsOf, percent, stationButtons, told } from "./about.js";
 
 const JOINTS = [1, 2, 3];
-const VOLTS = 8;
+const UNITS = ["rad", "mrad off", "V"];
+const DIGITS = [2, 1, 2];
+const [VOLTS, FAR] = [8, 100];
 // Age from which on readings count as stale, s.
 const STALE = 1;
 
 export function makeStation(name) {
   const arm = el("canvas", { class: "arm", role: "img", "aria-label": `The arm of ${name} from the side, drawn from its angles` });
   const reading = el("p", { class: "value", role: "status" });
-  const indicators = JOINTS.map((joint) => el("canvas", { class: "indicator", role: "img", "aria-label": `Joint ${joint}: angle and voltage` }));
-  const values = JOINTS.map(() => ["rad", "V"].map(() => el("dd", { class: "value" })));
-  const readings = values.map((both) => el("dl", { class: "readings" }, ...both.map((value, n) => el("div", {}, el("dt", {}, ["rad", "V"][n]), value))));
-  const trend = el("canvas", { class: "trend grow", role: "img", "aria-label": "Angles of the joints, last minute" });
+  const indicators = JOINTS.map((joint) => el("canvas", { class: "indicator", role: "img", "aria-label": `Joint ${joint}: angle, distance from the path, voltage` }));
+  const values = JOINTS.map(() => UNITS.map(() => el("dd", { class: "value" })));
+  const readings = values.map((three) => el("dl", { class: "readings" }, ...three.map((value, n) => el("div", {}, el("dt", {}, UNITS[n]), value))));
+  const trend = el("canvas", { class: "trend grow", role: "img", "aria-label": "Distance of the joints from their path, last minute" });
   const facts = el("div", { class: "value" });
   const findings = el("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": `Findings and decisions about ${name}` });
   const desk = el("div");
   const buttons = el("div", { class: "row" });
   let made = null;
   const node = el("div", { class: "grid filling station" },
-    panel(`Station ${name}`, "w4", facts, desk, buttons),
+    panel(`Station ${name}`, "w4", el("div", { class: "row" }, buttons, desk), facts),
     panel("Its arm", "w3", reading, arm),
     panel("Joints", "w5", el("div", { class: "joints fill-row" }, ...JOINTS.map((joint, k) => el("div", { class: "fill" }, el("h3", {}, `Joint ${joint}`), indicators[k], readings[k]))), trend),
     panel("Findings and decisions", "w12", findings));
@@ -68,14 +70,19 @@ export function makeStation(name) {
     node.classList.toggle("stale-arm", age > STALE);
     drawArm(arm, shown?.theta ? shown : null, {});
     JOINTS.forEach((_, k) => {
-      const [angle, volts] = [shown?.theta?.[k], shown?.volts?.[k]];
+      const [angle, path, volts] = [shown?.theta?.[k], shown?.path?.[k], shown?.volts?.[k]];
+      const error = angle != null && path != null ? 1000 * (angle - path) : null;
       drawIndicators(indicators[k], [
-        { low: -4.2, high: 4.2, value: angle },
+        { low: -4.2, high: 4.2, value: angle, target: path },
+        { low: -FAR * 1.2, high: FAR * 1.2, value: error, band: [-30, 30], limits: [-FAR, FAR] },
         { low: -9, high: 9, value: volts, limits: [-VOLTS, VOLTS] },
       ]);
-      [angle, volts].forEach((value, n) => setText(values[k][n], number(value, 2)));
+      [angle, error, volts].forEach((value, n) => setText(values[k][n], number(value, DIGITS[n])));
     });
-    drawTrend(trend, trends, { title: "Angles, joints 1 —, 2 – –, 3 · ·", unit: "rad", least: 1, lines: JOINTS.map((joint, k) => ({ of: (value) => value(`theta_${joint}`), dash: k })) });
+    drawTrend(trend, trends, {
+      title: "Off the path, joints 1 —, 2 – –, 3 · ·", unit: "mrad", least: 30,
+      lines: JOINTS.map((joint, k) => ({ of: (value) => 1000 * (value(`theta_${joint}`) - value(`path_${joint}`)), dash: k })),
+    });
   }
   return { node, state, draw };
 }

@@ -33,7 +33,7 @@ export function makeZone(zone) {
     }
     const expected = expectedOf(zone);
     rebuild(facts, [seen, expected?.rate_now], () => document.createTextNode(
-      `${seen.rate ? `${number(seen.rate, 1)} boxes/h` : "no rate yet"}${expected ? ` of ${number(expected.rate_now, 1)} that it lets through` : ""}; ${several(seen.inside, "box", "boxes")} inside`));
+      `${seen.rate ? `${number(seen.rate, 1)} boxes/h` : "no rate yet"}${expected ? `, could let ${number(expected.rate_now, 1)} through` : ""}; ${several(seen.inside, "box", "boxes")} inside`));
     const own = line.stations.filter((each) => each.zone === zone);
     rebuild(stations, [own, line.set_up], () => table("Boxes by number: waits, worked at, finished", ["Station", "Does", "Now", "Boxes", "OEE", "Can do"],
       own.map((each) => [el("a", { href: `#station/${each.name}` }, each.name), operationsOf(each.name).join(", ") || "nothing", doing(each),
