@@ -13,6 +13,7 @@ from dtwin.bus.line.messages import SetUpRequest, StationWord, ZoneDeskRequest
 from dtwin.console.line.conditions import conditions
 from dtwin.console.people.desk import TIME_OUT, ZoneDeskBook
 from dtwin.console.people.users import Users
+from dtwin.console.telling import Health
 from dtwin.errors import ParameterError
 from dtwin.line.file import line_of
 from tests.support.console import Visitor
@@ -243,5 +244,10 @@ def test_desks_know_their_zones_and_do_all_or_nothing() -> None:
 )
 def test_what_is_abnormal_is_told(changed: dict[str, int], words: str) -> None:
     state = msgspec.structs.replace(state_now(), **changed)
-    assert [each.text for each in conditions(state, "", 0)] == [words]
-    assert conditions(state_now(), "", 0) == ()
+    assert [each.text for each in conditions(state, {}, "", 0)] == [words]
+    assert conditions(state_now(), {"zone-a": Health("running"), "console": Health("gone")}, "", 0) == ()
+
+
+def test_a_process_of_the_line_that_has_died_is_told() -> None:
+    (found,) = conditions(state_now(), {"zone-a": Health("dead", "killed by signal 9")}, "", 0)
+    assert (found.text, found.severe) == ("zone-a is dead: killed by signal 9", True)

@@ -167,10 +167,17 @@ class LineState(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
 
 
 class StationPlace(msgspec.Struct, frozen=True):
-    """Where a station of a line is: its name and the node of its dock."""
+    """Where a station of a line is.
+
+    Attributes:
+        name: its name.
+        node: node of its dock.
+        places: where boxes wait and belong in its cell, m from joint 1, by the names of the places.
+    """
 
     name: Word
     node: Word
+    places: dict[Word, Point] = {}
 
 
 class BufferPlace(msgspec.Struct, frozen=True):

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Final
 
 from dtwin.bus.line.messages import LineState, StationSeen
 from dtwin.console.alarms.sources import Row
-from dtwin.console.telling import Condition, Kind
+from dtwin.console.conditions import GOOD
+from dtwin.console.telling import Condition, Health, Kind
 
+CONSOLE: Final = "console"
+"""Name of the service that a page is of: another one that has gone is nothing abnormal of the line."""
 LOW: Final = 20.0
 """Charge of a battery that is low, percent."""
 QUEUE: Final = 3
@@ -23,15 +26,22 @@ ROWS: Final[dict[Kind, Row]] = {
 """By kind of condition: how urgent it is, what follows, and what to do."""
 
 
-def conditions(state: LineState | None, lost: str, proposed: int) -> tuple[Condition, ...]:
+def conditions(
+    state: LineState | None, services: Mapping[str, Health], lost: str, proposed: int
+) -> tuple[Condition, ...]:
     """The abnormal conditions of a line, the severe ones first.
 
     Args:
         state: how it does; None before it has told.
+        services: health of its processes by name.
         lost: why nothing is heard of it, "" while it is.
         proposed: number of proposals that wait for a person.
     """
     found = [Condition("stale", "stale", lost, True)] if lost else []
+    for name, health in services.items():
+        if health.state not in GOOD and name != CONSOLE:
+            reason = f": {health.reason}" if health.reason else ""
+            found.append(Condition(f"service {name}", "service", f"{name} is {health.state}{reason}", True))
     if state is not None:
         found += _of_line(state)
         for station in state.stations:

@@ -7,7 +7,17 @@ from collections import deque
 from typing import Final
 
 from dtwin.bus.line.messages import FlowEffect, LinePlan, LineState, SetUpQuestion
-from dtwin.bus.messages import EVENTS, LINE_LOOK, LINE_PLAN, LINE_PREDICT, LINE_STATE, STATUS, Status
+from dtwin.bus.messages import (
+    EVENTS,
+    LINE_LOOK,
+    LINE_PLAN,
+    LINE_PREDICT,
+    LINE_STATE,
+    STATUS,
+    SUMMARY,
+    Status,
+    Summary,
+)
 from dtwin.bus.proposals.deciding import LINE
 from dtwin.bus.proposals.messages import LineLook
 from dtwin.bus.session import Bus
@@ -26,6 +36,8 @@ LINE_ARM: Final = "line"
 """What stands in the place of an arm in the keys of a line."""
 ANSWERING: Final = ("overall", "line")
 """Names of the services that may answer for a line."""
+PLANT: Final = "plant"
+"""Name of the service of a line's plant, beside which there is a supervisor."""
 ASKING: Final = 0.4
 """Time between two rounds of questions while a page is open, s."""
 ASKING_UNREAD: Final = 1.0
@@ -115,13 +127,14 @@ class LineHub(Hub):
             not self._is_there(),
         )
         opened = sum(each.state == "open" for each in proposals)
+        services = self._services()
         return CellState(
             *self._names,
             doing=_doing(state),
-            services=self._services(),
+            services=services,
             proposals=proposals,
             events=tuple(self._events),
-            conditions=conditions(state, lost, opened),
+            conditions=conditions(state, services, lost, opened),
             line=face,
         )
 
@@ -144,6 +157,8 @@ class LineHub(Hub):
             state = self._ask(LINE_STATE, LineState) if self._is_there() else None
             if state is not None:
                 self._take_state(state)
+            if self.is_here(PLANT):
+                self._ask(SUMMARY, Summary)
             self.desks.look(self._is_there())
             if state is not None:
                 self._ask(LINE_LOOK, LineLook)

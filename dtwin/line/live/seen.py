@@ -13,7 +13,6 @@ from dtwin.bus.line.messages import (
     LineDecision,
     LinePlan,
     LineState,
-    StationPlace,
     StationSeen,
     VehicleSeen,
     ZonePlace,
@@ -21,6 +20,7 @@ from dtwin.bus.line.messages import (
 )
 from dtwin.line.line import Line
 from dtwin.line.live.asked import AskedRun
+from dtwin.line.live.places import station_place
 from dtwin.line.plant import LineEvent
 from dtwin.line.run import Decision
 
@@ -112,7 +112,7 @@ def plan_of(line: Line) -> LinePlan:
                 zone.name,
                 dict(zone.track.nodes),
                 tuple((segment.start, segment.end) for segment in zone.track.segments),
-                tuple(StationPlace(station.name, station.node) for station in zone.stations),
+                tuple(map(station_place, zone.stations)),
                 {vehicle.name: vehicle.home for vehicle in zone.vehicles},
                 line.entry(number),
                 line.exit(number),

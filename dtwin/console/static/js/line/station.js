@@ -4,7 +4,7 @@ import { el, figures, number, panel, rebuild, setText, table } from "../dom.js";
 import { drawIndicators } from "../indicator.js";
 import { store } from "../store.js";
 import { drawTrend } from "../trend.js";
-import { ability, box, decisionRows, doing, makeDesk, oee, operationsOf, percent, stationButtons, told } from "./about.js";
+import { ability, box, decisionRows, doing, makeDesk, oee, operationsOf, percent, plan, stationButtons, told } from "./about.js";
 
 const JOINTS = [1, 2, 3];
 const UNITS = ["rad", "mrad off", "V"];
@@ -12,6 +12,12 @@ const DIGITS = [2, 1, 2];
 const [VOLTS, FAR] = [8, 100];
 // Age from which on readings count as stale, s.
 const STALE = 1;
+
+/** The places of a station's cell as they are drawn. */
+function placesOf(name) {
+  const built = plan()?.zones.flatMap(({ stations }) => stations).find((each) => each.name === name);
+  return Object.fromEntries(Object.entries(built?.places ?? {}).map(([place, [x, y]]) => [place, { x, y }]));
+}
 
 export function makeStation(name) {
   const arm = el("canvas", { class: "arm", role: "img", "aria-label": `The arm of ${name} from the side, drawn from its angles` });
@@ -68,7 +74,7 @@ export function makeStation(name) {
     const age = shown?.age == null ? Infinity : shown.age + (performance.now() - received) / 1000;
     setText(reading, !shown?.theta ? "No readings of this arm arrive." : age > STALE ? `▲ stale: last sample ${age.toFixed(0)} s ago` : `● live, ${number(shown.time, 1)} s`);
     node.classList.toggle("stale-arm", age > STALE);
-    drawArm(arm, shown?.theta ? shown : null, {});
+    drawArm(arm, shown?.theta ? shown : null, placesOf(name));
     JOINTS.forEach((_, k) => {
       const [angle, path, volts] = [shown?.theta?.[k], shown?.path?.[k], shown?.volts?.[k]];
       const error = angle != null && path != null ? 1000 * (angle - path) : null;
