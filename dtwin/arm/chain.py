@@ -66,6 +66,9 @@ class Actuator:
         gear: turns of the motor for one of the joint; its sign is that of the direction.
         rotor: inertia of the rotor seen at the joint, kg m^2; None where it is not known.
         limit: largest command either way, N m, A or V; inf where it is not known.
+        stiffness: of a drive that is commanded a position, torque at the joint a unit off its command, N m/rad or
+            N/m; None where it is not known.
+        damping: of such a drive, torque at the joint against a unit of velocity, N m s/rad or N s/m.
     """
 
     commanded: Commanded = "torque"
@@ -74,6 +77,8 @@ class Actuator:
     gear: float = 1.0
     rotor: float | None = None
     limit: float = np.inf
+    stiffness: float | None = None
+    damping: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,6 +219,11 @@ class Arm:
         """Largest mass at the tool that is reckoned with, kg: the gripper's payload, else the mass of the arm."""
         return self.gripper.payload if self.gripper is not None else sum(link.mass for link in self.links)
 
+    @property
+    def servos(self) -> tuple[str, ...]:
+        """Names of the joints whose drives are commanded a position."""
+        return tuple(joint.name for joint in self.joints if joint.actuator.commanded == "position")
+
     def __len__(self) -> int:
         """The number of joints n."""
         return len(self.joints)
@@ -239,6 +249,40 @@ def holding(arm: Arm, mass: float) -> Arm:
     last = arm.links[-1]
     added = np.array([mass, *(mass * arm.tool), *(mass * steiner(arm.tool))[np.tril_indices(3)]])
     return replace(arm, links=(*arm.links[:-1], Link.from_parameters(last.name, last.parameters + added)))
+
+
+def without_servos(arm: Arm, what: str) -> Arm:
+    """The arm, if none of its drives is commanded a position.
+
+    Args:
+        arm: the arm.
+        what: what needs that, for people.
+
+    Raises:
+        ModelError: one is; names it.
+    """
+    if arm.servos:
+        raise ModelError(
+            f"arm {arm.name}: joints.{arm.servos[0]}: {what}: expected a drive commanded in V, N m or A, whose "
+            "command is its torque; this one is commanded a position and makes its torque itself"
+        )
+    return arm
+
+
+def servo_torque(arm: Arm, command: Array, q: Array, qd: Array) -> Array:
+    """What drives that are commanded a position give, (..., n), N m or N, within the joints' efforts.
+
+    Args:
+        arm: the arm; all of its drives are such ones.
+        command: commanded positions, (..., n), rad or m.
+        q: positions, (..., n).
+        qd: velocities, (..., n).
+    """
+    stiffness = np.array([joint.actuator.stiffness or 0.0 for joint in arm.joints])
+    damping = np.array([joint.actuator.damping for joint in arm.joints])
+    effort = np.array([joint.effort for joint in arm.joints])
+    torque: Array = np.clip(stiffness * (command - q) - damping * qd, -effort, effort)
+    return torque
 
 
 def aligned(arm: Arm) -> Arm:

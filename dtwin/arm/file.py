@@ -28,7 +28,13 @@ from dtwin.parameters import ROOT
 FOLDER: Final = ROOT / "arms"
 """Folder of the named arms."""
 SUFFIX: Final = ".toml"
-UNITS: Final[dict[str, Commanded]] = {"N m": "torque", "A": "current", "V": "voltage"}
+UNITS: Final[dict[str, Commanded]] = {
+    "N m": "torque",
+    "A": "current",
+    "V": "voltage",
+    "rad": "position",
+    "m": "position",
+}
 """What an actuator can be commanded in."""
 _LARGEST: Final = 1 << 18
 """Largest file that is read, bytes."""
@@ -37,6 +43,11 @@ Sign = Literal["any", "positive", "not negative"]
 _JOINT: Final[dict[str, tuple[Sign, str]]] = {
     "constant": ("any", "torque of the motor a unit of the command, N m"),
     "limit": ("positive", "largest command either way, in its unit"),
+    "stiffness": (
+        "positive",
+        "of a drive commanded in rad or m: torque at the joint a unit off the command, N m/rad",
+    ),
+    "damping": ("not negative", "of such a drive: torque at the joint against its velocity, N m s/rad"),
     "gear": ("any", "turns of the motor for one of the joint"),
     "rotor": ("not negative", "inertia of the rotor at the motor, kg m^2"),
     "viscous": ("not negative", "viscous friction at the joint, N m s/rad"),
@@ -189,9 +200,11 @@ def missing(arm: Arm) -> list[str]:
     found = []
     for joint in arm.joints:
         actuator = joint.actuator
+        own = {"constant": actuator.constant is not None, "limit": math.isfinite(actuator.limit)}
+        if actuator.commanded == "position":
+            own = {"stiffness": actuator.stiffness is not None, "effort": math.isfinite(joint.effort)}
         known = {
-            "constant": actuator.constant is not None,
-            "limit": math.isfinite(actuator.limit),
+            **own,
             "lower": math.isfinite(joint.lower) or joint.turns,
             "speed": math.isfinite(joint.speed),
             "acceleration": math.isfinite(joint.acceleration),
@@ -216,6 +229,9 @@ def _completed(file: ArmFile, joint: Joint, said: Mapping[str, float | str]) -> 
     if commanded == "torque" and constant is None:
         constant = 1.0
     limit = numbers.get("limit", actuator.limit)
+    stiffness, damping = numbers.get("stiffness", actuator.stiffness), numbers.get("damping", actuator.damping)
+    if commanded == "position":
+        constant, limit = None, math.inf
     found = replace(
         joint,
         lower=numbers.get("lower", joint.lower),
@@ -224,7 +240,7 @@ def _completed(file: ArmFile, joint: Joint, said: Mapping[str, float | str]) -> 
         effort=numbers.get("effort", joint.effort),
         acceleration=numbers.get("acceleration", joint.acceleration),
         step=numbers.get("encoder", joint.step),
-        actuator=Actuator(commanded, constant, file.tolerances.constant, gear, rotor, limit),
+        actuator=Actuator(commanded, constant, file.tolerances.constant, gear, rotor, limit, stiffness, damping),
         friction=Friction(*(numbers.get(key, getattr(friction, key)) for key in ("viscous", "coulomb", "load"))),
     )
     if not found.lower < found.upper:

@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 
 from dtwin.arm.chain import Arm, Joint
-from dtwin.arm.file import UNITS, meaning, missing
+from dtwin.arm.file import meaning, missing
 
 
 def imported(chain: Arm, model: str, tip: str | None) -> str:
@@ -49,16 +49,9 @@ def summary(arm: Arm) -> list[str]:
 def findings(arm: Arm) -> list[str]:
     """What is still to be added before an arm can be driven, and what cannot be, as lines for people."""
     found = [f"add {key}: {meaning(key)}" for key in missing(arm)]
-    for joint in arm.joints:
-        if joint.actuator.commanded == "position":
-            found.append(
-                f"joints.{joint.name}.commanded: the model has a position servo: expected a drive in {_units()}"
-            )
+    if 0 < len(arm.servos) < len(arm):
+        found.append(f"commanded: expected a position in every joint or in none, got one in {', '.join(arm.servos)}")
     return found
-
-
-def _units() -> str:
-    return ", ".join(UNITS)
 
 
 def _key(name: str) -> str:
@@ -81,9 +74,18 @@ def _joint_lines(joint: Joint) -> list[str]:
         f"# the model has: {', '.join(f'{key} {value:.6g}' for key, value in said.items() if math.isfinite(value))}"
     ]
     constant = joint.actuator.constant
-    if constant is None or joint.actuator.commanded == "position":
+    actuator = joint.actuator
+    if actuator.commanded == "position":
+        lines.append(f'commanded = "{"rad" if joint.turns else "m"}"')
+        if actuator.stiffness is None:
+            lines.append(f"# add stiffness = {meaning('stiffness')}")
+        else:
+            lines += [f"stiffness = {actuator.stiffness:g}", f"damping = {actuator.damping:g}"]
+        if not math.isfinite(joint.effort):
+            lines.append(f"# add effort = {meaning('effort')}")
+    elif constant is None:
         lines.append('commanded = "N m"               # change where it takes V or A, and add constant')
-    for key in ("limit", "speed", "acceleration"):
+    for key in ("speed", "acceleration") if actuator.commanded == "position" else ("limit", "speed", "acceleration"):
         known = {"limit": joint.actuator.limit, "speed": joint.speed, "acceleration": joint.acceleration}[key]
         if key == "limit" and not math.isfinite(known) and math.isfinite(joint.effort):
             lines.append(f"limit = {joint.effort:g}{' ' * 20}# the largest effort of the model")

@@ -13,7 +13,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from dtwin.arm.chain import Arm, Array, aligned
+from dtwin.arm.chain import Arm, Array, aligned, without_servos
 from dtwin.arm.poses import Poses
 from dtwin.controller.chain.application import ARM, LIBRARY, Control, inputs, messages, network
 from dtwin.controller.chain.embedded import started_network
@@ -69,7 +69,7 @@ def write_chain_fmu(
         FunctionBlockError: the function blocks cannot be used.
         RecordingError: the file cannot be written.
     """
-    for joint in arm.joints:
+    for joint in without_servos(arm, "FMU").joints:
         if joint.actuator.constant is None:
             raise ModelError(f"arm {arm.name}: joints.{joint.name}: expected a drive with its constant")
     reckoned = arm if known is None else known

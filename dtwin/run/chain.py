@@ -12,7 +12,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from dtwin.arm.chain import Arm, Array, Commanded
+from dtwin.arm.chain import Arm, Array, Commanded, servo_torque
 from dtwin.arm.poses import Poses, ranges
 from dtwin.arm.sorting import Sorting
 from dtwin.controller.chain.application import Control, inputs
@@ -27,7 +27,12 @@ from dtwin.errors import UnreachableError
 from dtwin.files import LOG, replacing
 from dtwin.measurements.measurement import Measurement
 
-EFFORTS: Final[dict[Commanded, str]] = {"torque": "torque", "current": "current", "voltage": "voltage"}
+EFFORTS: Final[dict[Commanded, str]] = {
+    "torque": "torque",
+    "current": "current",
+    "voltage": "voltage",
+    "position": "torque",
+}
 """Names of the columns with the commands."""
 
 
@@ -99,7 +104,8 @@ class ChainRun:
     def saturated(self) -> Array:
         """Ticks in which the drive of each joint was at its limit, (n,)."""
         limits = np.array([joint.largest / abs(joint.actuator.constant or 1.0) for joint in self.settings.arm.joints])
-        ticks: Array = np.sum(np.abs(self.command) >= limits * (1.0 - 1e-12), axis=0)
+        asked = self.effort if self.settings.arm.servos else self.command
+        ticks: Array = np.sum(np.abs(asked) >= limits * (1.0 - 1e-12), axis=0)
         return ticks
 
     @property
@@ -112,8 +118,8 @@ class ChainRun:
 
     @property
     def effort(self) -> Array:
-        """What acts at the times of the samples, (N, n), in the units of the drives."""
-        return acting(self.command, self.settings.late)
+        """What acts at the times of the samples, (N, n), in the units of the drives, or their loops' torque."""
+        return effort_of(self.settings.arm, self.q, self.command, self.settings.late)
 
     def measurement(self) -> Measurement:
         """What a log of the run tells: positions, effort, desired positions."""
@@ -125,7 +131,7 @@ class ChainRun:
             t=self.t,
             q=self.q,
             effort=self.effort,
-            kind=None if commanded == "position" else commanded,
+            kind="torque" if commanded == "position" else commanded,
             command=self.target,
         )
 
@@ -182,6 +188,21 @@ def acting(command: Array, late: int) -> Array:
     return mean
 
 
+def effort_of(arm: Arm, q: Array, command: Array, late: int) -> Array:
+    """What acts at the samples, (N, n): of drives that are commanded a position the torque of their loops, N m or N.
+
+    Args:
+        arm: the arm.
+        q: what the encoders read, (N, n).
+        command: commands, (N, n).
+        late: ticks from a command until it acts.
+    """
+    if not arm.servos or len(q) < 2:
+        return acting(command, late)
+    asked = q[0] + acting(command - q[0], late)
+    return servo_torque(arm, asked, q, np.gradient(q, arm.period, axis=0))
+
+
 def _box_figures(counts: Counts, places: Array) -> dict[str, float]:
     errors = counts.errors or [0.0]
     waiting, held = places[-1] > 0.0 if len(places) else (False, False)
@@ -206,7 +227,7 @@ class DesiredPath:
         q: positions, (N, n), rad or m.
         qd: velocities, (N, n).
         qdd: accelerations, (N, n).
-        command: commands for them, (N, n), in the units of the drives.
+        command: commands for them, (N, n), in the units of the drives; of own loops their torques.
         reached: number of poses that were reached.
     """
 
@@ -232,7 +253,8 @@ def path_of(arm: Arm, poses: Poses, control: Control, longest: float) -> Desired
     while not controller.done and len(rows) < longest / arm.period:
         commands = controller.step(positions.tolist())
         q, qd, qdd = controller.counted()
-        rows.append((q, qd, qdd, np.array(commands)))
+        asked = np.array(commands)
+        rows.append((q, qd, qdd, servo_torque(arm, asked, q, qd) if arm.servos else asked))
         positions = q + 0.5 * arm.period * (qd + 0.25 * arm.period * qdd)  # from the middle of the tick to its end
     found, speed, change, command = (np.array(column, dtype=np.float64) for column in zip(*rows, strict=True))
     return DesiredPath(found, speed, change, command, controller.pose + controller.done)

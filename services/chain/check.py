@@ -6,6 +6,7 @@ import sys
 from dataclasses import dataclass
 from typing import Final
 
+from dtwin.arm.chain import without_servos
 from dtwin.controller.chain.application import inputs
 from dtwin.equations.rigid import usual_inertia
 from dtwin.services.chain.options import ArmCellOptions
@@ -18,8 +19,13 @@ NAME: Final = "check"
 class Options(ArmCellOptions):
     """Make the arm of the options and the values of its blocks, without running it."""
 
+    twin: bool = False
+    """Whether services of the twin watch, identify or simulate it."""
+
     def run(self) -> int:
         settings = self.settings()
+        if self.twin:
+            without_servos(settings.arm, "--monitoring, --identification, --simulation and --recovery")
         inputs(settings.arm, usual_inertia(settings.arm), settings.control, settings.poses)
         return 0
 

@@ -38,8 +38,9 @@ class RunningArm:
         self._boxes = None if settings.sorting is None else Boxes(settings.sorting, settings.seed)
         self._events: list[Event] = []
         self._sequence = 0
-        self.command = JointCommands(0, 0.0, (0.0,) * self._joints, tuple(map(float, start)))
         self._sample = self._sampled()
+        self._held: tuple[float, ...] | None = None
+        self.command = self._without_torque(JointCommands(0, 0.0, (0.0,) * self._joints, tuple(map(float, start))))
 
     @property
     def seed(self) -> int:
@@ -56,11 +57,19 @@ class RunningArm:
         Commands for another number of joints do not count, as nobody knows which joint they are for.
         """
         if len(command.commands) == self._joints:
-            self.command = command
+            self.command, self._held = command, None
 
     def stop(self) -> None:
-        """No torque until the next command; the gripper stays as it is."""
-        self.command = without_torque(self.command)
+        """No torque until the next command; the gripper stays as it is.
+
+        Drives that are commanded a position hold the joints where they were measured when this began.
+        """
+        self.command = self._without_torque(self.command)
+
+    def _without_torque(self, command: JointCommands) -> JointCommands:
+        if self._held is None:
+            self._held = self._sample.theta if self._settings.arm.servos else (0.0,) * self._joints
+        return JointCommands(command.sequence, command.time, self._held, command.target, command.gripped)
 
     def hold_off(self, command: JointCommands) -> None:
         """No torque where a command came that may not pass."""
@@ -138,9 +147,3 @@ class RunningArm:
             if self._boxes.counts.arrived > before:
                 self._events.append(Event(time, EventKind.ARRIVED, "a box arrived"))
         return JointSensors(self._sequence, time, tuple(map(float, self._plant.read())), waiting)
-
-
-def without_torque(command: JointCommands) -> JointCommands:
-    """The same answer without torque."""
-    none = (0.0,) * len(command.commands)
-    return JointCommands(command.sequence, command.time, none, command.target, command.gripped)

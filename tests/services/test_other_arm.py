@@ -236,3 +236,29 @@ def _model_of(bus: Bus) -> ArmModel | None:
         return bus.ask(MODEL, None, JointModel).model
     except CommunicationError:
         return None
+
+
+def test_an_arm_whose_drives_take_positions_is_held_where_it_was_by_whatever_stops_it(desk: Desk) -> None:
+    """A command of zero would move it. Stopped by a person, and without a controller and its supervisor's help."""
+    words = ["--arm", "servo-2r", "--machine", "nominal"]
+    assert "makes its torque itself" in desk.run("up", *words, "--monitoring", status=2)
+    desk.detach(*words)
+    until(lambda: desk.summary()["ticks"] > 100, "the arm runs in real time")
+    assert desk.run("stop").startswith("standstill")
+    with join("cell") as bus:
+        samples: list[JointSensors] = []
+        bus.subscribe(JOINT_SENSORS, JointSensors, samples.append)
+        until(lambda: len(samples) > 20, "samples come")
+        assert max(np.ptp([sample.theta for sample in samples], axis=0)) < 1e-3
+        assert desk.run("release").startswith("none")
+        events: list[Event] = []
+        bus.subscribe(EVENTS, Event, events.append)
+        os.kill(desk.find("chain.bridge"), signal.SIGSTOP)
+        until(lambda: any(event.kind == "safe" for event in events), "the emulator misses its commands")
+        where = samples[-1]
+        until(lambda: samples[-1].time > where.time + 1.0, "the arm is held")
+        held = [sample.theta for sample in samples if sample.time > where.time + 0.5]
+        assert max(np.ptp(held, axis=0)) < 1e-3
+        assert np.abs(np.array(held[-1]) - where.theta).max() < 0.2
+        assert np.abs(held[-1]).max() > 0.05, "it did not go to zero"
+        os.kill(desk.find("chain.bridge"), signal.SIGCONT)

@@ -82,7 +82,7 @@ class ArmCheck:
 
     def execute(self) -> int:
         arm = arm_of(self.arm)
-        found = findings(arm) or [*_weak(arm), *_unstable(arm)]
+        found = findings(arm) or [*_weak(arm), *([] if arm.servos else _unstable(arm))]
         _print([*summary(arm), *(found or ["it can be driven"])])
         return 1 if found else 0
 
@@ -158,6 +158,9 @@ def as_object(arm: Arm) -> dict[str, Any]:
                 "commanded": joint.actuator.commanded,
                 "constant": number(joint.actuator.constant),
                 "limit": number(joint.actuator.limit),
+                "stiffness": number(joint.actuator.stiffness),
+                "damping": joint.actuator.damping,
+                "effort": number(joint.effort),
                 "rotor": number(joint.actuator.rotor),
                 "viscous": joint.friction.viscous,
                 "coulomb": joint.friction.coulomb,
@@ -172,7 +175,7 @@ def as_object(arm: Arm) -> dict[str, Any]:
     }
 
 
-_UNITS = {"torque": "N m", "current": "A", "voltage": "V", "position": "position"}
+_UNITS = {"torque": "N m", "current": "A", "voltage": "V"}
 
 
 def _table(arm: Arm) -> Table:
@@ -180,12 +183,15 @@ def _table(arm: Arm) -> Table:
     for joint, link in zip(arm.joints, arm.links, strict=True):
         drive, friction = joint.actuator, joint.friction
         unit = "rad" if joint.kind == "revolute" else "m"
+        constant = drive.stiffness if drive.commanded == "position" else drive.constant
         values = (
             joint.name,
             f"{joint.lower:.3g} to {joint.upper:.3g} {unit}",
             f"{joint.speed:.3g}",
-            f"{drive.limit:.4g} {_UNITS[drive.commanded]}",
-            "not known" if drive.constant is None else f"{drive.constant:.4g}",
+            f"{drive.limit:.4g} {_UNITS[drive.commanded]}"
+            if drive.commanded != "position"
+            else f"{joint.effort:.4g} N m",
+            "not known" if constant is None else f"{constant:.4g}",
             f"{friction.viscous:.3g} + {friction.coulomb:.3g} + {100.0 * friction.load:.2g} %",
             f"{link.mass:.3g} kg",
         )

@@ -19,9 +19,9 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from dtwin.arm.chain import Arm, Array, aligned
-from dtwin.arm.poses import MOST, Poses
+from dtwin.arm.poses import Poses
+from dtwin.controller.chain.joints import WIDE, XYZ, drive, link, points, servo_gains
 from dtwin.controller.ports import BLOCKS
-from dtwin.errors import ModelError
 from iec61499 import model
 from iec61499.mapping import literal_of
 from iec61499.net.wire import Signature
@@ -49,11 +49,8 @@ _RESOURCE: Final = "EMB_RES"
 _VERSION: Final = model.Version("1.0", "dtwin", "2026-11-27", "dtwin", "Made by dtwin fb make")
 _SHARED: Final = ("INDEX", "ELAPSED", "T", "RATE", "CHANGE", "OFF")
 """What SEQUENCE tells every joint."""
-_XYZ: Final = ("X", "Y", "Z")
-_OUTWARD: Final = tuple(f"{what}{x}" for what in "WOA" for x in _XYZ)
-_INWARD: Final = tuple(f"{what}{x}" for what in "FN" for x in _XYZ)
-_WIDE: Final = 1.0e9
-"""Stands for a limit that is not there."""
+_OUTWARD: Final = tuple(f"{what}{x}" for what in "WOA" for x in XYZ)
+_INWARD: Final = tuple(f"{what}{x}" for what in "FN" for x in XYZ)
 JOINT: Final = "CHAIN_JOINT"
 """Type of the block of a joint."""
 Devices = Literal["one", "joints"]
@@ -323,7 +320,7 @@ def inputs(arm: Arm, inertia: Array, control: Control, poses: Poses | None) -> d
         f"{SEQUENCE}.AGAIN": poses is not None and poses.again,
         f"{SEQUENCE}.DWELL": 0.0 if poses is None else float(poses.dwell),
         f"{SEQUENCE}.PLACES": 0 if poses is None else poses.places,
-        f"{SEQUENCE}.TOLERANCE": poses.tolerance if poses is not None and np.isfinite(poses.tolerance) else _WIDE,
+        f"{SEQUENCE}.TOLERANCE": poses.tolerance if poses is not None and np.isfinite(poses.tolerance) else WIDE,
         f"{SEQUENCE}.PAYLOAD": 0.0 if poses is None else poses.payload,
         f"{SEQUENCE}.SPACING": 0.0 if poses is None else poses.spacing,
         f"{STOP}.FOLLOWING_LIMIT": control.following,
@@ -331,62 +328,11 @@ def inputs(arm: Arm, inertia: Array, control: Control, poses: Poses | None) -> d
     }
     chain = aligned(arm)
     for k in range(len(arm)):
-        own = {**_points(poses, k), **_link(chain, k), **_drive(arm, k, float(inertia[k]))}
-        own |= dict(zip(("KP", "KI", "KD"), control.gains, strict=True))
+        own = {**points(poses, k), **link(chain, k), **drive(arm, k, float(inertia[k]))}
+        gains = control.gains if not arm.servos else servo_gains(arm, k, float(inertia[k]))
+        own |= dict(zip(("KP", "KI", "KD"), gains, strict=True))
         own |= {"BANDWIDTH": control.observer, "DELAY": control.delay, "TS": arm.period}
         if not k:
-            own |= {f"A{x}": float(-g) for x, g in zip(_XYZ, arm.gravity, strict=True)}
+            own |= {f"A{x}": float(-g) for x, g in zip(XYZ, arm.gravity, strict=True)}
         values |= {f"{joint_name(k)}.{name}": value for name, value in own.items()}
     return values
-
-
-def _points(poses: Poses | None, k: int) -> dict[str, list[float]]:
-    """What a joint does at each pose, filled up with zeros."""
-    given = {
-        "POSES": np.zeros((0, k + 1)) if poses is None else poses.positions,
-        "VELOCITIES": None if poses is None else poses.velocities,
-        "ACCELERATIONS": None if poses is None else poses.accelerations,
-    }
-    return {
-        name: [float(x) for x in np.concatenate([rows[:, k], np.zeros(MOST - len(rows))])]
-        for name, rows in given.items()
-        if rows is not None
-    }
-
-
-def _link(chain: Arm, k: int) -> dict[str, Any]:
-    joint, link = chain.joints[k], chain.links[k]
-    mass, *rest = (float(x) for x in link.parameters)
-    values: dict[str, Any] = {"SLIDES": not joint.turns, "M": mass}
-    values |= {f"R{i + 1}{j + 1}": float(joint.rotation[i, j]) for i in range(3) for j in range(3)}
-    values |= {f"P{x}": float(p) for x, p in zip(_XYZ, joint.translation, strict=True)}
-    values |= {f"H{x}": h for x, h in zip(_XYZ, rest[:3], strict=True)}
-    values |= dict(zip(("JXX", "JXY", "JYY", "JXZ", "JYZ", "JZZ"), rest[3:], strict=True))
-    if k == len(chain) - 1:
-        values |= {f"L{x}": float(p) for x, p in zip(_XYZ, chain.tool, strict=True)}
-    return values
-
-
-def _drive(arm: Arm, k: int, inertia: float) -> dict[str, Any]:
-    joint = arm.joints[k]
-    actuator, friction = joint.actuator, joint.friction
-    if actuator.constant is None or actuator.commanded == "position":
-        raise ModelError(
-            f"arm {arm.name}: joints.{joint.name}: expected a drive commanded in V, N m or A, with its constant"
-        )
-    for name in ("speed", "acceleration"):
-        if not np.isfinite(getattr(joint, name)):
-            raise ModelError(f"arm {arm.name}: joints.{joint.name}: expected {name}")
-    return {
-        "TORQUE_CONSTANT": actuator.constant,
-        "LARGEST": min(actuator.limit, joint.effort / abs(actuator.constant), _WIDE),
-        "ROTOR": actuator.rotor or 0.0,
-        "VISCOUS": friction.viscous,
-        "COULOMB": friction.coulomb,
-        "SHARE": friction.load,
-        "INERTIA": inertia,
-        "SPEED": joint.speed,
-        "ACCELERATION": joint.acceleration,
-        "LOWER": max(joint.lower, -_WIDE),
-        "UPPER": min(joint.upper, _WIDE),
-    }

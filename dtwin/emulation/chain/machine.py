@@ -81,6 +81,8 @@ def drawn(arm: Arm, number: int) -> Arm:
 def _drawn_joint(joint: Joint, constant: float, viscous: float, coulomb: float, load: float) -> Joint:
     actuator, friction = joint.actuator, joint.friction
     made: Actuator = actuator
+    if actuator.stiffness is not None:
+        made = replace(actuator, stiffness=constant * actuator.stiffness, damping=constant * actuator.damping)
     if actuator.constant is not None and actuator.commanded != "torque":
         made = replace(actuator, constant=constant * actuator.constant)
     lost = Friction(viscous * friction.viscous, coulomb * friction.coulomb, load * friction.load)

@@ -230,6 +230,7 @@ def _joint(path: Path, model: mujoco.MjModel, number: int, frame: _Frame) -> Joi
     effort = np.inf
     if model.jnt_actfrclimited[number]:
         effort = float(np.abs(model.jnt_actfrcrange[number]).min())
+    effort = min(effort, _servo_force(model, number))
     return Joint(
         name,
         kind,  # type: ignore[arg-type]  # one of the values of _KINDS
@@ -244,6 +245,16 @@ def _joint(path: Path, model: mujoco.MjModel, number: int, frame: _Frame) -> Joi
     )
 
 
+def _servo_force(model: mujoco.MjModel, number: int) -> float:
+    """Largest torque of the position servo of a joint; inf where there is none, or nothing says it."""
+    for k in range(model.nu):
+        of_joint = int(model.actuator_trntype[k]) == int(mujoco.mjtTrn.mjTRN_JOINT)
+        servo = int(model.actuator_biastype[k]) != int(mujoco.mjtBias.mjBIAS_NONE)
+        if of_joint and servo and int(model.actuator_trnid[k, 0]) == number and model.actuator_forcelimited[k]:
+            return float(np.abs(model.actuator_forcerange[k] * model.actuator_gear[k, 0]).min())
+    return np.inf
+
+
 def _actuator(model: mujoco.MjModel, number: int, rotor: float) -> Actuator:
     """The drive of a joint, as far as MJCF says: a gain without bias is a torque a unit, a position servo is told."""
     for k in range(model.nu):
@@ -253,8 +264,18 @@ def _actuator(model: mujoco.MjModel, number: int, rotor: float) -> Actuator:
         limit = float(np.abs(model.actuator_ctrlrange[k]).min()) if model.actuator_ctrllimited[k] else np.inf
         gain = float(model.actuator_gainprm[k, 0] * model.actuator_gear[k, 0])
         plain = int(model.actuator_biastype[k]) == int(mujoco.mjtBias.mjBIAS_NONE)
-        commanded: Commanded = "torque" if plain else "position"
-        return Actuator(commanded, gain if plain and gain else None, rotor=rotor, limit=limit if plain else np.inf)
+        if not plain:
+            spring, damping = (-float(model.actuator_biasprm[k, 1 + i] * model.actuator_gear[k, 0]) for i in (0, 1))
+            known = gain > 0.0 and np.isclose(spring, gain) and damping >= 0.0
+            servo: Commanded = "position"
+            turned = float(model.actuator_gear[k, 0])  # the servo sees the position times its gear
+            return Actuator(
+                servo,
+                rotor=rotor,
+                stiffness=gain if known and turned == 1.0 else None,
+                damping=damping if known and turned == 1.0 else 0.0,
+            )
+        return Actuator("torque", gain or None, rotor=rotor, limit=limit)
     return Actuator(rotor=rotor)
 
 

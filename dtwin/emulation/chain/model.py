@@ -7,7 +7,7 @@ from typing import Final
 import mujoco
 import numpy as np
 
-from dtwin.arm.chain import Arm, Array
+from dtwin.arm.chain import Arm, Array, Joint
 from dtwin.errors import ModelError
 
 LOAD: Final = "load"
@@ -26,8 +26,12 @@ def build(arm: Arm, step: float) -> mujoco.MjModel:
     Raises:
         ModelError: a body cannot be, such as one whose inertia breaks the triangle inequality.
     """
+    spec = chain_spec(arm, step)
+    for joint in arm.joints:
+        if joint.actuator.commanded == "position":
+            _add_servo(spec, joint)
     try:
-        return chain_spec(arm, step).compile()
+        return spec.compile()
     except ValueError as error:
         raise ModelError(f"arm {arm.name}: {' '.join(str(error).split())}") from None
 
@@ -58,6 +62,17 @@ def chain_spec(arm: Arm, step: float) -> mujoco.MjSpec:
     load.mass, load.inertia = _NOTHING, [_NOTHING] * 3
     load.ipos, load.iquat = [0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]  # MuJoCo would take those of the body's frame
     return spec
+
+
+def _add_servo(spec: mujoco.MjSpec, joint: Joint) -> None:
+    """A drive with a loop of its own, which acts in every stage of the integration: it does not wait for commands."""
+    servo = spec.add_actuator(name=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT, target=joint.name)
+    stiffness = joint.actuator.stiffness or 0.0
+    servo.gaintype, servo.biastype = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_AFFINE
+    servo.gainprm[0] = stiffness
+    servo.biasprm[1:3] = [-stiffness, -joint.actuator.damping]
+    if np.isfinite(joint.effort):
+        servo.forcelimited, servo.forcerange = True, [-joint.effort, joint.effort]
 
 
 def _quaternion(rotation: Array) -> Array:

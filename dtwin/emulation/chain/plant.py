@@ -51,6 +51,10 @@ class ChainPlant:
         self._load = self._model.body(LOAD).id
         self._constant = np.array([joint.actuator.constant or 1.0 for joint in arm.joints])
         self._limit = np.array([joint.actuator.limit for joint in arm.joints])
+        self._servos = bool(arm.servos)
+        self._gain = np.array(self._model.actuator_gainprm)
+        self._bias = np.array(self._model.actuator_biasprm)
+        self._force = np.array(self._model.actuator_forcerange)
         self._rotor = np.array([joint.actuator.rotor or 0.0 for joint in arm.joints])
         self._coulomb = np.array([joint.friction.coulomb for joint in arm.joints])
         self._share = np.array([joint.friction.load for joint in arm.joints])
@@ -67,6 +71,9 @@ class ChainPlant:
         self._held = 0.0
         self._read: Array | None = None
         self.time = 0.0
+        if self._servos:
+            self._waiting = [np.array(start, dtype=np.float64) for _ in range(late)]
+            self._data.ctrl[:] = start
         if machine.friction:
             self._model.dof_frictionloss[:] = self._coulomb
         mujoco.mj_forward(self._model, self._data)
@@ -141,11 +148,23 @@ class ChainPlant:
         self._model.body_subtreemass[: self._load + 1] += change  # all bodies hang on one another
 
     def apply(self, commands: Sequence[float]) -> None:
-        """Commands the drives, (n,), in their own units, each within its limit."""
+        """Commands the drives, (n,), in their own units, each within its limit.
+
+        Drives that are commanded a position have the encoders of their joints, with what these read too much.
+        """
         self._waiting.append(np.minimum(np.maximum(commands, -self._limit), self._limit))
         if self._faults:
             self._take_faults()
-        self._data.qfrc_applied[:] = self._factor["K"] * self._constant * self._waiting.pop(0) + self._added["push"]
+        command = self._waiting.pop(0)
+        if self._servos:
+            factor = self._factor["K"][:, None]
+            self._model.actuator_gainprm[:] = factor * self._gain
+            self._model.actuator_biasprm[:] = factor * self._bias
+            self._model.actuator_forcerange[:] = factor * self._force
+            self._data.ctrl[:] = command - self._added["bias"]
+            self._data.qfrc_applied[:] = self._added["push"]
+        else:
+            self._data.qfrc_applied[:] = self._factor["K"] * self._constant * command + self._added["push"]
 
     def advance(self) -> None:
         """Goes on by a tick.
@@ -157,7 +176,8 @@ class ChainPlant:
         if self._machine.friction and (self._share.any() or self._faults):
             for _ in range(STEPS):
                 lost = data.qfrc_passive + data.qfrc_constraint
-                carried = np.abs(data.qfrc_applied + lost - self._rotor * data.qacc)
+                given = data.qfrc_applied + data.qfrc_actuator
+                carried = np.abs(given + lost - self._rotor * data.qacc)
                 model.dof_frictionloss[:] = self._factor["friction"] * (self._coulomb + self._share * carried)
                 model.dof_frictionloss[self._locked] = LOCKED
                 mujoco.mj_step(model, data)

@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from dtwin.arm.chain import Arm, Array, holding
+from dtwin.arm.chain import Arm, Array, holding, without_servos
 from dtwin.arm.model import ArmModel
 from dtwin.arm.modelled import with_model
 from dtwin.controller.chain.application import Control, inputs
@@ -115,9 +115,10 @@ def work_on_twin(
 
     Raises:
         ParameterError: the model is out of bounds, or the load is more than the arm can hold.
+        ModelError: a drive has a loop of its own.
         DivergenceError: the motion is not finite.
     """
-    known = check_model(settings.arm, model)
+    known = check_model(without_servos(settings.arm, "what-if"), model)
     if not 0.0 <= change.payload <= settings.arm.most_load:
         raise ParameterError(f"payload: expected 0 to {settings.arm.most_load:g} kg, got {change.payload:g}")
     paced = _paced(known, change.speed)

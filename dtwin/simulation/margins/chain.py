@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from scipy.linalg import expm
 
-from dtwin.arm.chain import Arm, Array
+from dtwin.arm.chain import Arm, Array, without_servos
 from dtwin.arm.poses import drawn_poses
 from dtwin.controller.chain.application import Control
 from dtwin.equations.rigid import inverse_dynamics, mass_matrix
@@ -63,8 +63,9 @@ def margins(arm: Arm, control: Control, poses: int = 16, seed: int = 0, late: in
         late: ticks from a command until it acts.
 
     Raises:
-        ModelError: a motion of the joints meets no resistance at one of the poses.
+        ModelError: a motion of the joints meets no resistance at one of the poses, or a drive has a loop of its own.
     """
+    without_servos(arm, "margins")
     drawn = drawn_poses(arm, poses, np.random.default_rng(seed), 1.0).positions
     rows = [_at(arm, control, q, late) for q in drawn]
     return tuple(_least([row[k] for row in rows]) for k in range(len(arm)))

@@ -1,0 +1,127 @@
+"""Arms whose drives are commanded a position and have loops of their own."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dtwin.arm.chain import servo_torque
+from dtwin.arm.poses import Poses, drawn_poses
+from dtwin.cli import main
+from dtwin.controller.chain.application import Control, inputs
+from dtwin.controller.chain.embedded import ChainController
+from dtwin.emulation.chain.arms import arm_of
+from dtwin.emulation.chain.machine import machine_of
+from dtwin.emulation.chain.plant import ChainPlant
+from dtwin.equations.rigid import inverse_dynamics, usual_inertia
+from dtwin.errors import ModelError
+from dtwin.identification.chain.identify import Sample, identify, unexplained
+from dtwin.run.chain import ChainSettings, run
+from tests.run.test_chain_sorting import TASK
+
+ARM = arm_of("servo-2r")
+START = np.array([0.4, -0.9])
+
+
+def settings(seed: int, duration: float = 30.0, late: int = 0) -> ChainSettings:
+    poses = drawn_poses(ARM, 40, np.random.default_rng(seed))
+    control = Control(delay=late * ARM.period)
+    return ChainSettings(ARM, machine_of("1901", ARM), poses, control, duration, seed, late)
+
+
+@pytest.mark.parametrize("late", [0, 1])
+def test_a_drawn_machine_follows_its_path(late: int) -> None:
+    found = run(settings(1, 10.0, late))
+    assert found.stop == 0
+    assert np.abs(found.error).max() < 0.01
+    assert not found.saturated.any()
+
+
+def test_boxes_are_sorted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "task.toml").write_text(TASK)
+    words = ["run", "--arm", "servo-2r", "--sort", str(tmp_path / "task.toml"), "--duration", "30"]
+    assert main([*words, "--machine", "1902", "--json"]) == 0
+    boxes = json.loads(capsys.readouterr().out)["boxes"]
+    assert boxes["delivered"] >= 4
+    assert boxes["within_5_mm"] == boxes["delivered"]
+    assert boxes["missed"] == 0
+
+
+def test_without_torque_the_arm_is_held_where_it_was() -> None:
+    """The stop `torque off` of the blocks, at rest and in motion; it sags by what its loops yield."""
+    poses = Poses(np.array([START, [1.4, 0.3]]), 0.0, False)
+    blocks = ChainController(2, inputs(ARM, usual_inertia(ARM), settings(1).control, poses))
+    plant = ChainPlant(machine_of("ideal", ARM), START)
+    for _ in range(25):
+        plant.apply(blocks.step(plant.read().tolist()))
+        plant.advance()
+    assert np.abs(plant.state[1]).max() > 0.5
+    blocks.halt(angles_known=False)
+    where, commands = plant.read(), []
+    for _ in range(300):
+        commands.append(blocks.step(plant.read().tolist()))
+        plant.apply(commands[-1])
+        plant.advance()
+    assert blocks.stop == 3
+    assert len(set(commands)) == 1
+    assert np.abs(np.array(commands[-1]) - where).max() < 0.05
+    assert np.abs(plant.state[1]).max() < 1e-3
+    assert np.abs(plant.state[0] - where).max() < 0.1
+
+
+def test_a_loop_gives_what_its_stiffness_and_damping_say() -> None:
+    """At rest under a constant command, the plant is off it by what gravity needs of the stiffness."""
+    plant = ChainPlant(machine_of("ideal", ARM), START)
+    for _ in range(400):
+        plant.apply(START.tolist())
+        plant.advance()
+    q, qd = plant.state
+    needed = inverse_dynamics(ARM, q[None], qd[None], np.zeros((1, 2)))[0]
+    assert q == pytest.approx(START - needed / [joint.actuator.stiffness for joint in ARM.joints], abs=1e-4)
+    assert servo_torque(ARM, START, q, qd) == pytest.approx(needed, abs=1e-4)
+    assert servo_torque(ARM, q + 100.0, q, qd).tolist() == [20.0, 8.0]
+
+
+def test_it_is_identified_by_the_torque_of_its_loops() -> None:
+    fitted, other = (run(settings(seed)).measurement() for seed in (1, 2))
+    assert fitted.kind == "torque"
+    found = identify(ARM, [Sample(fitted)])
+    assert (unexplained(*found.predicted(other)) < 0.06).all()
+
+
+def test_drives_of_two_kinds_are_refused_by_name() -> None:
+    joints = (ARM.joints[0], arm_of("planar-2r").joints[1])
+    mixed = replace(ARM, joints=joints)
+    with pytest.raises(
+        ModelError, match=r"joints\.shoulder: expected a drive that is commanded as those of the other"
+    ):
+        inputs(mixed, usual_inertia(mixed), settings(1).control, None)
+
+
+@pytest.mark.parametrize("words", [["margins"], ["fmu", "twin", "x.fmu"]])
+def test_what_needs_a_torque_says_so(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([*words, "--arm", "servo-2r"]) == 2
+    assert "this one is commanded a position and makes its torque itself" in capsys.readouterr().err
+
+
+def test_position_actuators_of_a_model_tell_their_loops(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = (Path(__file__).parents[2] / "arms" / "planar-2r.xml").read_text()
+    servos = (
+        '<actuator><position joint="shoulder" kp="150" kv="6" forcerange="-20 20"/>'
+        '<position joint="elbow" kp="60" kv="2"/></actuator>'
+    )
+    (tmp_path / "small.xml").write_text(text.replace("</mujoco>", f"{servos}</mujoco>"))
+    arm = arm_of(str(tmp_path / "small.xml"))
+    assert [joint.actuator.stiffness for joint in arm.joints] == [150.0, 60.0]
+    assert [joint.actuator.damping for joint in arm.joints] == [6.0, 2.0]
+    assert arm.joints[0].effort == 20.0
+    assert main(["arm", "import", str(tmp_path / "small.xml"), "--out", str(tmp_path / "small.toml")]) == 0
+    said = (tmp_path / "small.toml").read_text()
+    assert "stiffness = 150" in said
+    assert "# add effort" in said
+    assert "# add limit" not in said
+    capsys.readouterr()
+    assert main(["arm", "check", str(tmp_path / "small.toml")]) == 1
+    assert "add joints.elbow.effort" in capsys.readouterr().out
