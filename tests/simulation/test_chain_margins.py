@@ -9,6 +9,7 @@ from dtwin.controller.chain.application import Control
 from dtwin.emulation.chain.arms import arm_of
 from dtwin.emulation.chain.machine import machine_of
 from dtwin.run.chain import ChainSettings, run
+from dtwin.simulation.margins import chain
 from dtwin.simulation.margins.chain import margins
 
 WIDE = Control(following=1e9)
@@ -47,3 +48,15 @@ def test_the_command_prints_a_row_for_each_joint(capsys: pytest.CaptureFixture[s
     printed = capsys.readouterr().out
     assert "shoulder" in printed
     assert "elbow" in printed
+
+
+def test_the_response_of_a_sampled_system_is_that_of_its_equations() -> None:
+    """Also where poles coincide, as those of the observers do, and a matrix has too few eigenvectors."""
+    generator = np.random.default_rng(4)
+    matrix = 0.2 * generator.standard_normal((12, 12))
+    matrix[:2] = 0.0
+    matrix[:2, :2] = [[0.5, 1.0], [0.0, 0.5]]
+    inward, outward = generator.standard_normal((2, 12))
+    z = np.exp(1j * np.geomspace(1e-3, np.pi, 50))
+    expected = [outward @ np.linalg.solve(each * np.eye(12) - matrix, inward) for each in z]
+    assert chain._response(matrix, inward, outward, z) == pytest.approx(np.array(expected), rel=1e-9)

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.linalg import expm
+from numpy.typing import NDArray
+from scipy.linalg import expm, schur
 
 from dtwin.arm.chain import Arm, Array, without_servos
 from dtwin.arm.poses import drawn_poses
@@ -67,7 +68,9 @@ def margins(arm: Arm, control: Control, poses: int = 16, seed: int = 0, late: in
     """
     without_servos(arm, "margins")
     drawn = drawn_poses(arm, poses, np.random.default_rng(seed), 1.0).positions
-    rows = [_at(arm, control, q, late) for q in drawn]
+    rotors = np.diag([joint.actuator.rotor or 0.0 for joint in arm.joints])
+    masses = mass_matrix(arm, drawn) + rotors
+    rows = [_at(arm, control, q, mass, late) for q, mass in zip(drawn, masses, strict=True)]
     return tuple(_least([row[k] for row in rows]) for k in range(len(arm)))
 
 
@@ -82,10 +85,12 @@ def _least(found: list[JointMargins]) -> JointMargins:
     )
 
 
-def _at(arm: Arm, control: Control, q: Array, late: int) -> list[JointMargins]:
-    """Margins of all joints at one pose, (n,)."""
-    plant, held = _plant(arm, q, late), _controller(arm, control, q)
-    return [_broken(arm, plant, held, k) for k in range(len(arm))]
+def _at(arm: Arm, control: Control, q: Array, masses: Array, late: int) -> list[JointMargins]:
+    """Margins of all joints at one pose, (n,), with its mass matrix and the rotors, (n, n), kg m^2."""
+    plant, held = _plant(arm, q, masses, late), _controller(arm, control, masses)
+    closed = _whole(plant, held, np.eye(len(arm)))
+    stable = bool(np.abs(np.linalg.eigvals(closed)).max() < 1.0)
+    return [_broken(arm, plant, held, k, stable) for k in range(len(arm))]
 
 
 Loop = tuple[Array, Array, Array, Array]
@@ -104,12 +109,10 @@ def _check_masses(arm: Arm, masses: Array) -> None:
         )
 
 
-def _plant(arm: Arm, q: Array, late: int) -> Loop:
+def _plant(arm: Arm, q: Array, masses: Array, late: int) -> Loop:
     """From torques to positions, both (n,), held for a tick and late by whole ticks; states are q, q', what waits."""
     n = len(arm)
-    rotors = np.diag([joint.actuator.rotor or 0.0 for joint in arm.joints])
     viscous = np.diag([joint.friction.viscous for joint in arm.joints])
-    masses = mass_matrix(arm, q[None])[0] + rotors
     _check_masses(arm, masses)
     inverse = np.linalg.inv(masses)
     still = np.zeros((n, n))
@@ -133,7 +136,7 @@ def _plant(arm: Arm, q: Array, late: int) -> Loop:
     return a, b, c, np.zeros((n, n))
 
 
-def _controller(arm: Arm, control: Control, q: Array) -> Loop:
+def _controller(arm: Arm, control: Control, masses: Array) -> Loop:
     """From positions to torques, both (n,): observer, feedback, mass matrix and viscous friction of the blocks.
 
     The states of a joint are TH, OM, SUM, EXPECTED and LAST of JOINT_FEEDBACK.
@@ -155,32 +158,44 @@ def _controller(arm: Arm, control: Control, q: Array) -> Loop:
     u = expected_after + total_after
     friction = (kp * error + total_after) / max(kd, 1.0)
     states = np.array([th_after, om_after, total_after, expected_after, expected])
-    rotors = np.diag([joint.actuator.rotor or 0.0 for joint in arm.joints])
     viscous = np.diag([joint.friction.viscous for joint in arm.joints])
-    masses = mass_matrix(arm, q[None])[0] + rotors
     one = np.eye(n)
     c = np.kron(masses, u[None, :5]) + np.kron(viscous, friction[None, :5])
     return np.kron(one, states[:, :5]), np.kron(one, states[:, 5:]), c, masses * u[5] + viscous * friction[5]
 
 
-def _broken(arm: Arm, plant: Loop, held: Loop, k: int) -> JointMargins:
-    """Margins of joint k: its torque is broken, and the others are fed back."""
+def _whole(plant: Loop, held: Loop, fed: Array) -> Array:
+    """Matrix of plant and controller together, whose torques of the joints in `fed`, (n, n), are fed back."""
     (a, b, c, _), (f, g, h, j) = plant, held
-    n = len(arm)
-    others = np.eye(n)
+    return np.block([[a + b @ fed @ j @ c, b @ fed @ h], [g @ c, f]])
+
+
+def _broken(arm: Arm, plant: Loop, held: Loop, k: int, stable: bool) -> JointMargins:
+    """Margins of joint k: its torque is broken, and the others are fed back."""
+    (_, b, c, _), (f, _, h, j) = plant, held
+    others = np.eye(len(arm))
     others[k, k] = 0.0
-    whole = np.block([[a + b @ others @ j @ c, b @ others @ h], [g @ c, f]])
     inward = np.concatenate([b[:, k], np.zeros(len(f))])
     outward = np.concatenate([(j @ c)[k], h[k]])
-    closed = whole + np.outer(inward, outward)
-    stable = bool(np.abs(np.linalg.eigvals(closed)).max() < 1.0)
     w = np.geomspace(_LOWEST, np.pi / arm.period, _FREQUENCIES)
-    z = np.exp(1j * w * arm.period)
-    loop = -(np.linalg.solve(z[:, None, None] * np.eye(len(whole)) - whole, inward[None, :, None])[..., 0] @ outward)
+    loop = -_response(_whole(plant, held, others), inward, outward, np.exp(1j * w * arm.period))
     return _margins(loop, w, stable)
 
 
-def _margins(loop: Array, w: Array, stable: bool) -> JointMargins:
+def _response(matrix: Array, inward: Array, outward: Array, z: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """c (z - A)^-1 b at every z, (N,), with one Schur form of A for all (Laub 1981, there with Hessenberg's)."""
+    triangle, turn = schur(matrix, output="complex", check_finite=False)
+    right, left = turn.conj().T @ inward, outward @ turn
+    states = np.zeros((len(right), len(z)), dtype=np.complex128)
+    for row in range(len(right) - 1, -1, -1):
+        states[row] = (right[row] + np.einsum("k,kn->n", triangle[row, row + 1 :], states[row + 1 :])) / (
+            z - triangle[row, row]
+        )
+    found: NDArray[np.complex128] = np.einsum("k,kn->n", left, states)
+    return found
+
+
+def _margins(loop: NDArray[np.complex128], w: Array, stable: bool) -> JointMargins:
     """Margins of a loop gain L, whose closed loop is 1 / (1 + L), at frequencies w, rad/s."""
     turns = np.flatnonzero((loop.imag[:-1] * loop.imag[1:] <= 0.0) & (loop.real[:-1] < 0.0))
     parts = loop.imag[turns] / (loop.imag[turns] - loop.imag[turns + 1] + 1e-300)
