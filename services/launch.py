@@ -325,7 +325,7 @@ def launched(options: CellOptions) -> Iterator[Launched]:
     key = new_key()
     with (
         options.bus(meet, key) as bus,
-        _signals(signal.default_int_handler),
+        signals(signal.default_int_handler),
         RunFile(options.cell) as file,
         runfile.own_folder(runfile.sockets_of(file.path)),
         held_port() as console,
@@ -355,7 +355,7 @@ def launched(options: CellOptions) -> Iterator[Launched]:
         )
         file.write(up)
         stop = threading.Event()
-        with _signals(lambda *_: stop.set()):
+        with signals(lambda *_: stop.set()):
             supervisor.start()
             try:
                 yield Launched(bus, supervisor, stop, up, file)
@@ -386,7 +386,7 @@ def _check_apart(service: str, options: Iterable[str]) -> None:
 
 
 @contextmanager
-def _signals(handler: Callable[[int, FrameType | None], object]) -> Iterator[None]:
+def signals(handler: Callable[[int, FrameType | None], object]) -> Iterator[None]:
     """Lets Ctrl-C and a polite kill call a function, which may raise what ends all that is inside."""
     numbers = (signal.SIGINT, signal.SIGTERM)
     previous = {number: signal.signal(number, handler) for number in numbers}

@@ -9,27 +9,22 @@ from typing import Any, Final, Literal, TypeVar, get_args
 
 import msgspec
 
+from dtwin.bus.line.topics import LINE_LOOK, LINE_PREDICT, LINE_PROPOSE, LINE_STATE, LINE_STOP, SET_UP
 from dtwin.bus.messages import (
     ACKNOWLEDGE,
     DECIDE,
     IDENTIFY,
     LATCH,
-    LINE_LOOK,
-    LINE_PREDICT,
-    LINE_PROPOSE,
-    LINE_STATE,
-    LINE_STOP,
     LOOK,
     PREDICT,
     PROPOSE,
     ROLL_BACK,
-    SET_UP,
     STOP,
     SUMMARY,
     UPLOAD,
-    Topic,
 )
 from dtwin.bus.session import Bus
+from dtwin.bus.topics.topic import Topic
 from dtwin.errors import ParameterError
 from dtwin.parameters import Gains
 

@@ -25,10 +25,10 @@ from dtwin.bus.messages import (
     StopRequest,
     StopState,
     Summary,
-    Topic,
 )
 from dtwin.bus.session import Bus
 from dtwin.bus.stopping import Stopped, stop
+from dtwin.bus.topics.topic import Topic
 from dtwin.bus.twin_messages import RollBackRequest, Upload, UploadRequest
 from dtwin.errors import CommunicationError, ParameterError, UnansweredError
 from dtwin.parameters import ArmParameters, Gains

@@ -13,10 +13,9 @@ import msgspec
 from dtwin.bus.chain import messages as joints
 from dtwin.bus.chain.messages import TOGETHER
 from dtwin.bus.controller.messages import IdentificationSignal, SettingsInForce, SettingsRequest, SignalRequest
-from dtwin.bus.line import messages as line
+from dtwin.bus.line.topics import LINE_TOPICS
 from dtwin.bus.proposals.messages import (
     AnswerRequest,
-    LineLook,
     Look,
     LookRequest,
     Proposal,
@@ -24,8 +23,7 @@ from dtwin.bus.proposals.messages import (
     ProposalRequest,
     RecoveryLook,
 )
-from dtwin.bus.topics.topic import CHECKED as CHECKED
-from dtwin.bus.topics.topic import Topic as Topic
+from dtwin.bus.topics.topic import CHECKED, Topic
 from dtwin.bus.twin_messages import (
     AcknowledgeRequest,
     DeskRequest,
@@ -362,20 +360,6 @@ ACKNOWLEDGE: Final = Topic(
 )
 WATCH: Final = Topic("twin/monitoring/watch", "query", WatchRequest, WatchState, "monitoring")
 RESIDUALS: Final = Topic("twin/monitoring/residuals", "publication", MonitoringResiduals, None, "monitoring")
-LINE_STATE: Final = Topic("twin/overall/state", "query", LookRequest, line.LineState, "line", patience=CHECKED)
-LINE_PREDICT: Final = Topic(
-    "twin/overall/predict", "query", line.SetUpQuestion, line.FlowEffect, "line", patience=CHECKED
-)
-LINE_LOOK: Final = Topic("twin/overall/look", "query", LookRequest, LineLook, "line", patience=CHECKED)
-LINE_PROPOSE: Final = Topic("twin/overall/propose", "query", ProposalRequest, Proposal, "line", patience=CHECKED)
-LINE_DECIDE: Final = Topic("twin/overall/decide", "query", ProposalDecision, Proposal, "line", patience=CHECKED)
-SET_UP: Final = Topic("twin/overall/setup", "query", line.SetUpRequest, line.SetUpDone, "line", patience=CHECKED)
-LINE_STOP: Final = Topic("twin/overall/stop", "query", line.StationWord, line.LineState, "line", patience=CHECKED)
-LINE_RELEASE: Final = Topic(
-    "twin/overall/release", "query", line.StationWord, line.LineState, "line", patience=CHECKED
-)
-LINE_PLAN: Final = Topic("twin/overall/plan", "query", LookRequest, line.LinePlan, "line")
-LINE_DESK: Final = Topic("twin/overall/desk", "query", line.ZoneDeskRequest, line.ZoneDesks, "line")
 TOPICS: Final = (
     *(SENSORS, VOLTAGES, ACTED, PATH, TRUTH, TICKS),
     *(JOINT_SENSORS, JOINT_COMMANDS, JOINT_TICKS, ADJUSTED, EVENTS, STATUS, ALIVE),
@@ -384,7 +368,6 @@ TOPICS: Final = (
     *(IDENTIFICATION, IDENTIFY, DECIDE, UPLOAD, PREDICT, ROLL_BACK, LOOK, PROPOSE, DECIDE_PROPOSAL, ANSWER),
     *(ARM_UPLOAD, ARM_ROLL_BACK, ARM_PREDICT, RECOVERY_LOOK, RECOVERY_DECIDE),
     *(MONITORING, RESIDUALS, ACKNOWLEDGE, WATCH),
-    *(LINE_STATE, LINE_PREDICT, LINE_LOOK, LINE_PROPOSE, LINE_DECIDE, SET_UP, LINE_STOP, LINE_RELEASE),
-    *(LINE_PLAN, LINE_DESK),
+    *LINE_TOPICS,
 )
 """All there is on the bus. `*` stands for the service's name; a query's sender is who answers it."""

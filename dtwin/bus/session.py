@@ -18,9 +18,10 @@ from dtwin.bus.answering import JSON, Answerer
 from dtwin.bus.asking import Question, declare_querier
 from dtwin.bus.codec import M, MessageError, Reader, encode
 from dtwin.bus.exchange import Answering, Asking
-from dtwin.bus.messages import ALIVE, Topic
+from dtwin.bus.messages import ALIVE
 from dtwin.bus.presence import Presence, token
 from dtwin.bus.signature import FORGED, UNSIGNED, Signer, Verifier
+from dtwin.bus.topics.topic import Topic
 from dtwin.errors import ParameterError
 from dtwin.names import check_name
 from dtwin.terminal import printable

@@ -28,9 +28,10 @@ GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
     "the production line": {
         "line run": Subcommand("line.run", "LineRunCommand", "run a line of cells with vehicles and twins"),
         "line demo": Subcommand("line.run", "LineDemo", "show a line that goes on when an arm fails"),
-        "line up": Subcommand("line.live", "LineUp", "run a line that can be asked while it runs"),
+        "line up": Subcommand("line.up", "LineUp", "run a line that can be asked while it runs"),
         "line status": Subcommand("line.live", "LineStatus", "show how a running line does"),
         "line setup": Subcommand("line.live", "LineSetUp", "have other stations of a running line do operations"),
+        "line fault": Subcommand("line.live", "LineFault", "let the arm of a station of a running line fail"),
         "line release": Subcommand("line.live", "LineRelease", "let a stopped arm of a running line move again"),
         "line query": Subcommand("line.run", "LineQuery", "answer a question in SQL about runs of lines"),
         "line report": Subcommand("line.run", "LineReport", "write the page of a run of a line"),

@@ -26,9 +26,9 @@ from dtwin.bus.messages import (
     FaultRequest,
     ReleaseRequest,
     StopRequest,
-    Topic,
 )
 from dtwin.bus.proposals.messages import ProposalDecision
+from dtwin.bus.topics.topic import Topic
 from dtwin.bus.twin_messages import (
     AcknowledgeRequest,
     DataSource,

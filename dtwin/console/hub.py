@@ -34,13 +34,13 @@ from dtwin.bus.messages import (
     Status,
     StopState,
     Summary,
-    Topic,
 )
 from dtwin.bus.pairs import Pairs
 from dtwin.bus.proposals.deciding import CELL, Kept
 from dtwin.bus.proposals.messages import Look
 from dtwin.bus.session import Bus, Subscription
 from dtwin.bus.ticks import Tick
+from dtwin.bus.topics.topic import Topic
 from dtwin.bus.twin_messages import IdentificationState, MonitoringResiduals, MonitoringVerdict, WatchState
 from dtwin.bus.verdicts.opinion import Opinion
 from dtwin.console.clocks import Clocks

@@ -20,9 +20,14 @@ _pack_row: Final = _ROW.pack
 
 
 class RunLog:
-    """Collects ticks and events of a running cell; a tick takes 155 bytes and less than a microsecond."""
+    """Collects ticks and events of a running cell; a tick takes 155 bytes and less than a microsecond.
 
-    __slots__ = ("_codes", "_events", "_rows", "metadata")
+    Attributes:
+        metadata: JSON values that are kept with the log.
+        forgotten: number of ticks before the first that it still has.
+    """
+
+    __slots__ = ("_codes", "_events", "_rows", "forgotten", "metadata")
 
     def __init__(self, metadata: Mapping[str, Any] | None = None) -> None:
         """Starts an empty log.
@@ -34,9 +39,11 @@ class RunLog:
         self._rows = bytearray()
         self._codes: dict[str, int] = {NO_COLOUR: 0}
         self._events: list[Event] = []
+        self.forgotten = 0
 
     def __len__(self) -> int:
-        return len(self._rows) // _ROW.size
+        """Number of ticks so far, those that were forgotten, too."""
+        return self.forgotten + len(self._rows) // _ROW.size
 
     def append(self, record: StepRecord) -> None:
         """Adds one tick."""
@@ -75,9 +82,16 @@ class RunLog:
         """An independent copy of what has been collected so far."""
         return self.since(0)
 
+    def forget(self, before: int) -> None:
+        """Forgets the ticks before a number, and all events; one that is still to come is the first one then."""
+        if before > self.forgotten:
+            del self._rows[: (before - self.forgotten) * _ROW.size]
+            self.forgotten = before
+            self._events.clear()
+
     def since(self, first: int) -> Log:
-        """An independent copy of the ticks from a number on, with all events."""
-        rows = np.frombuffer(self._rows, dtype=_ROW_DTYPE, offset=first * _ROW.size)
+        """An independent copy of the ticks from a number on, as far as it still has them, with all events."""
+        rows = np.frombuffer(self._rows, dtype=_ROW_DTYPE, offset=max(0, first - self.forgotten) * _ROW.size)
         columns = {name: rows[name].copy() for name in COLUMNS}
         columns["box_colour"] = np.array(list(self._codes))[columns["box_colour"]]
         return Log(read_only(columns), tuple(self._events), self.metadata)

@@ -133,7 +133,7 @@ def tried(trial: LineTrial) -> LineOutcome:
         trial,
         run.rate(since),
         best_rate(line, trial.station, horizon) if trial.station else 0.0,
-        predicted(line, work_times(line), run.assignment, horizon),
+        predicted(line, work_times(line), run.work.assignment, horizon),
         answers[0] if answers else None,
         run.plant.lost,
         run.plant.collisions,

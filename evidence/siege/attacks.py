@@ -40,10 +40,10 @@ from dtwin.bus.messages import (
     StopRequest,
     StopState,
     Summary,
-    Topic,
 )
 from dtwin.bus.signature import Signer, new_key
 from dtwin.bus.stopping import stop
+from dtwin.bus.topics.topic import Topic
 from dtwin.errors import CommunicationError
 from dtwin.parameters import VOLTAGE_LIMIT, Gains
 from dtwin.signals import Event, EventKind, Sensors, Voltages

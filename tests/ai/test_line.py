@@ -22,7 +22,7 @@ from dtwin.ai.marking import KEY
 from dtwin.ai.profiles import Limits, Profile
 from dtwin.ai.prompts import LINE_TASKS
 from dtwin.bus.line.messages import LineState, SetUpDone, SetUpRequest, StationWord
-from dtwin.bus.messages import LINE_DECIDE, LINE_LOOK, LINE_RELEASE, LINE_STATE, LINE_STOP, SET_UP
+from dtwin.bus.line.topics import LINE_DECIDE, LINE_LOOK, LINE_RELEASE, LINE_STATE, LINE_STOP, SET_UP
 from dtwin.bus.opening import open_peer
 from dtwin.bus.proposals.deciding import LINE, LINE_DOORS, decide, find
 from dtwin.bus.proposals.messages import LineLook, Proposal, ProposalDecision
@@ -32,10 +32,10 @@ from dtwin.console.people.audit import Audit
 from dtwin.errors import CommunicationError
 from dtwin.line.file import line_of
 from dtwin.line.line import Line
-from dtwin.line.live.asked import AskedRun
 from dtwin.line.live.serving import LiveLine
-from dtwin.line.run import Decision, LineSettings
+from dtwin.line.run import LineRun, LineSettings
 from dtwin.line.twins import node, zone
+from dtwin.line.twins.decisions import Decision
 from dtwin.line_file import LineFile
 from dtwin.parameters import ROOT
 from dtwin.services import runfile
@@ -71,7 +71,7 @@ class Running:
         file = folder / "small.toml"
         file.write_text(text.replace('machine = "coulomb"', ""))
         self.history = folder / "history.jsonl"
-        self.line = AskedRun(line_of(str(file)), LineSettings(1000.0, twins, faults), self.history)
+        self.line = LineRun(line_of(str(file)), LineSettings(1000.0, twins, faults), self.history)
         self.meet = f"tcp/127.0.0.1:{free_port()}"
         self._service, self.bus = (Bus(open_peer(self.meet), "line", "line", KEY_OF_LINE) for _ in range(2))
         self.stranger = Bus(open_peer(self.meet), "line", "line", bytes(32))
@@ -91,13 +91,13 @@ class Running:
 
     def _serve(self) -> None:
         while not self._over.wait(0.001):
-            self.live.serve()
+            self.live.between.serve()
 
     def work(self, until: Callable[[LineState], bool]) -> LineState:
         """Lets the line run until something is so, at most to its end."""
         while not until(state := self.state()):
             assert not self.line.over
-            self.live._between(self._step)
+            self.live.between.ask(self._step)
         return state
 
     def _step(self) -> None:
@@ -113,7 +113,9 @@ def _quick() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(zone, "simulated", flow)
         patch.setattr(node, "rehearsed", lambda plan: None)
-        patch.setattr(node.NodeTwin, "watch", lambda self, log, arm: [])  # The blocks stop an arm without a monitor.
+        patch.setattr(
+            node.NodeTwin, "watch", lambda self, log, arm, stopped: []
+        )  # The blocks stop an arm without a monitor.
         yield
 
 

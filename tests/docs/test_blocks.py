@@ -121,6 +121,7 @@ READ: Final = {
     "line status": LIVE,
     "line setup": LIVE,
     "line release": LIVE,
+    "line fault": LIVE,
     "experiment line": MINUTES,
     "experiment accuracy": MINUTES,
     "experiment real": "reads logs that are not here: tests/commands/test_other_arms.py draws some",

@@ -18,13 +18,14 @@ from dtwin.errors import DtwinError
 from dtwin.line import vda5050
 from dtwin.line.control import Control, Devices, OneResource, Served
 from dtwin.line.file import line_of
-from dtwin.line.kept import HISTORY, kept, prepare, read, write
 from dtwin.line.line import Line
 from dtwin.line.plant import Plant, check_boxes
-from dtwin.line.report import page, summary
-from dtwin.line.run import Decision, LineRun, LineSettings
+from dtwin.line.records.kept import HISTORY, kept, prepare, read, write
+from dtwin.line.records.report import page, summary
+from dtwin.line.run import LineRun, LineSettings
 from dtwin.line.station import EmulatedStation, Input, TimedStation, WorkTimes, replayed
 from dtwin.line.system import system
+from dtwin.line.twins.decisions import Decision
 from dtwin.line.twins.overall import changed
 from dtwin.line.vehicle import Vehicle, VehicleCommand
 from dtwin.line_file import LineFile

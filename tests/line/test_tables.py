@@ -6,12 +6,12 @@ import pytest
 
 from dtwin.cli import main
 from dtwin.errors import DtwinError
-from dtwin.line.drawing import EVERY, Drawing
 from dtwin.line.file import line_of
-from dtwin.line.kept import Kept, kept, prepare, write
-from dtwin.line.report import effectiveness
+from dtwin.line.records.drawing import EVERY, Drawing
+from dtwin.line.records.kept import Kept, kept, prepare, write
+from dtwin.line.records.report import effectiveness
+from dtwin.line.records.tables import TABLES, ask, write_tables
 from dtwin.line.run import LineRun, LineSettings
-from dtwin.line.tables import TABLES, ask, write_tables
 from tests.view.test_write import contents
 
 Made = tuple[LineRun, Drawing, Path]

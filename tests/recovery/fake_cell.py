@@ -21,9 +21,9 @@ from dtwin.bus.messages import (
     LatchState,
     StopRequest,
     StopState,
-    Topic,
 )
 from dtwin.bus.session import Bus
+from dtwin.bus.topics.topic import Topic
 from dtwin.bus.twin_messages import (
     UNITS,
     Estimated,

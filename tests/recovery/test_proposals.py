@@ -9,9 +9,10 @@ from typing import Any, cast
 
 import pytest
 
-from dtwin.bus.messages import DECIDE_PROPOSAL, LOOK, PROPOSE, Topic
+from dtwin.bus.messages import DECIDE_PROPOSAL, LOOK, PROPOSE
 from dtwin.bus.proposals.messages import AnswerRequest, Look, Proposal, ProposalDecision, ProposalRequest
 from dtwin.bus.session import Bus
+from dtwin.bus.topics.topic import Topic
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.recovery.desk import Desk
 from dtwin.recovery.measures import Measures

@@ -25,9 +25,9 @@ from dtwin.bus.messages import (
     ResetRequest,
     StopRequest,
     StopState,
-    Topic,
 )
 from dtwin.bus.opening import open_peer
+from dtwin.bus.topics.topic import Topic
 from dtwin.services import runfile
 from dtwin.services.runfile import join
 from dtwin.signals import Stop

@@ -48,7 +48,7 @@ from tests.support.waiting import until
 
 DURATION = 13
 HIGHEST = (8.0, 8.0, 8.0, 8.0)
-ABSENT = ("recovery", "line")
+ABSENT = ("recovery", "line", "plant", "zone")
 """Who has queries of his own and is not in the cell of these tests."""
 
 OF_OTHER_ARMS = {ADJUSTMENT, MODEL, ARM_UPLOAD, ARM_ROLL_BACK, ARM_PREDICT}

@@ -44,10 +44,10 @@ from dtwin.bus.messages import (
     SignalRequest,
     StopRequest,
     StopState,
-    Topic,
 )
 from dtwin.bus.opening import open_configured
 from dtwin.bus.session import Bus
+from dtwin.bus.topics.topic import Topic
 from dtwin.bus.twin_messages import (
     IdentificationRequest,
     IdentificationState,

@@ -16,19 +16,10 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from dtwin.bus.messages import (
-    PATH,
-    PREDICT,
-    ROLL_BACK,
-    SENSORS,
-    SETTINGS,
-    UPLOAD,
-    SettingsInForce,
-    SettingsRequest,
-    Topic,
-)
+from dtwin.bus.messages import PATH, PREDICT, ROLL_BACK, SENSORS, SETTINGS, UPLOAD, SettingsInForce, SettingsRequest
 from dtwin.bus.messages import Path as PathAngles
 from dtwin.bus.session import Bus
+from dtwin.bus.topics.topic import Topic
 from dtwin.bus.twin_messages import Predicted, PredictionRequest, RollBackRequest, Upload, UploadRequest
 from dtwin.controller.excitation import ExcitationController
 from dtwin.controller.settings import usual_gains

@@ -25,7 +25,7 @@ from dtwin.bus.line.messages import (
     ZoneFlow,
     ZoneSeen,
 )
-from dtwin.bus.messages import (
+from dtwin.bus.line.topics import (
     LINE_DECIDE,
     LINE_DESK,
     LINE_LOOK,
@@ -34,9 +34,9 @@ from dtwin.bus.messages import (
     LINE_RELEASE,
     LINE_STATE,
     LINE_STOP,
-    SENSORS,
     SET_UP,
 )
+from dtwin.bus.messages import SENSORS
 from dtwin.bus.opening import open_peer
 from dtwin.bus.proposals.messages import LineLook, LookRequest, Proposal, ProposalDecision, ProposalRequest
 from dtwin.bus.session import Bus

@@ -12,7 +12,7 @@ from dtwin.ai.profiles import CALLS, Allowance, Doors, Limits, Profile, Rate, ma
 from dtwin.ai.prompts import LINE_TASKS
 from dtwin.ai.server import NotedServer, offer, offer_prompts, rules_of
 from dtwin.bus.line.messages import LineState
-from dtwin.bus.messages import LINE_STATE
+from dtwin.bus.line.topics import LINE_STATE
 from dtwin.bus.session import Bus
 from dtwin.console.clocks import Clocks
 from dtwin.console.people.audit import Audit

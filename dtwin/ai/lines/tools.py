@@ -20,7 +20,7 @@ from dtwin.bus.line.messages import (
     SetUpRequest,
     StationWord,
 )
-from dtwin.bus.messages import LINE_LOOK, LINE_PREDICT, LINE_PROPOSE, LINE_STATE, LINE_STOP, SET_UP
+from dtwin.bus.line.topics import LINE_LOOK, LINE_PREDICT, LINE_PROPOSE, LINE_STATE, LINE_STOP, SET_UP
 from dtwin.bus.proposals.messages import LineLook, Proposal, ProposalRequest
 
 _NAME = r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,31}$"

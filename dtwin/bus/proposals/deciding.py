@@ -13,20 +13,17 @@ from typing import Final
 import msgspec
 
 from dtwin.bus.line.messages import SetUpDone
+from dtwin.bus.line.topics import LINE_DECIDE, LINE_LOOK, SET_UP
 from dtwin.bus.messages import (
     ACKNOWLEDGE,
     ANSWER,
     DECIDE_PROPOSAL,
-    LINE_DECIDE,
-    LINE_LOOK,
     LOOK,
     RECOVERY_DECIDE,
     RECOVERY_LOOK,
-    SET_UP,
     UPLOAD,
     Done,
     StopRequest,
-    Topic,
 )
 from dtwin.bus.proposals.messages import (
     AnswerRequest,
@@ -39,6 +36,7 @@ from dtwin.bus.proposals.messages import (
 )
 from dtwin.bus.session import Bus
 from dtwin.bus.stopping import stop
+from dtwin.bus.topics.topic import Topic
 from dtwin.bus.twin_messages import AcknowledgeRequest, MonitoringVerdict, Upload
 from dtwin.errors import CommunicationError, DtwinError, ParameterError, choices
 

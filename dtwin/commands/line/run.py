@@ -14,14 +14,15 @@ from dtwin.controller.runtime import RuntimeOption, chosen
 from dtwin.errors import ParameterError
 from dtwin.files import RECORDING, ensure_writable, replacing
 from dtwin.line.control import Exchange, Served
-from dtwin.line.drawing import Drawing
 from dtwin.line.file import DEFAULT_NAME, line_of
-from dtwin.line.kept import Kept, kept, prepare, read, write
 from dtwin.line.line import Line
-from dtwin.line.report import page, summary
-from dtwin.line.run import LineRun, LineSettings, Mode
+from dtwin.line.records.drawing import Drawing
+from dtwin.line.records.kept import Kept, kept, prepare, read, write
+from dtwin.line.records.report import page, summary
+from dtwin.line.records.tables import MOST_ROWS, ask, write_tables
+from dtwin.line.run import LineRun, LineSettings, fault_of
 from dtwin.line.system import system
-from dtwin.line.tables import MOST_ROWS, ask, write_tables
+from dtwin.line.twins.decisions import Mode
 from dtwin.terminal import as_text, print_json, print_table, printable
 
 _HTML: Final = ".html"
@@ -159,13 +160,6 @@ class LineQuery:
 def _cell(value: object) -> str:
     """A value of a table; times and shares with at most three decimals."""
     return "" if value is None else f"{value:.3f}".rstrip("0").rstrip(".") if isinstance(value, float) else str(value)
-
-
-def fault_of(text: str) -> tuple[str, str]:
-    station, colon, fault = text.partition(":")
-    if not colon:
-        raise ParameterError(f"--fault: expected STATION:FAULT, such as a2:K2*=0.1@122-270, got {text!r}")
-    return station, fault
 
 
 def _carried_out(

@@ -9,7 +9,7 @@ from typing import Any, Final
 import msgspec
 
 from dtwin.bus.line.messages import LineState, SetUpQuestion, SetUpRequest, SetUps, StationWord
-from dtwin.bus.messages import LINE_DECIDE, LINE_PREDICT, LINE_RELEASE, LINE_STOP, SET_UP
+from dtwin.bus.line.topics import LINE_DECIDE, LINE_PREDICT, LINE_RELEASE, LINE_STOP, SET_UP
 from dtwin.bus.proposals.messages import ProposalDecision
 from dtwin.console.commands import ConsoleCommand, Form, Seen
 from dtwin.console.telling import CellState

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from dtwin.bus.line.messages import ZoneDesk, ZoneDeskRequest, ZoneDesks
-from dtwin.bus.messages import LINE_DESK
+from dtwin.bus.line.topics import LINE_DESK
 from dtwin.bus.session import Bus
 from dtwin.bus.twin_messages import DeskAction, DeskState
 from dtwin.console.people.occupancy import PATIENCE, Occupancy

@@ -7,17 +7,8 @@ from collections import deque
 from typing import Final
 
 from dtwin.bus.line.messages import FlowEffect, LinePlan, LineState, SetUpQuestion
-from dtwin.bus.messages import (
-    EVENTS,
-    LINE_LOOK,
-    LINE_PLAN,
-    LINE_PREDICT,
-    LINE_STATE,
-    STATUS,
-    SUMMARY,
-    Status,
-    Summary,
-)
+from dtwin.bus.line.topics import LINE_LOOK, LINE_PLAN, LINE_PREDICT, LINE_STATE
+from dtwin.bus.messages import EVENTS, STATUS, SUMMARY, Status, Summary
 from dtwin.bus.proposals.deciding import LINE
 from dtwin.bus.proposals.messages import LineLook
 from dtwin.bus.session import Bus

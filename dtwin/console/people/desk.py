@@ -8,7 +8,8 @@ from collections.abc import Callable, Iterable
 from typing import Final, NamedTuple
 
 from dtwin.bus.line.messages import ZoneDesk, ZoneDeskRequest, ZoneDesks
-from dtwin.bus.messages import DESK, LINE_DESK
+from dtwin.bus.line.topics import LINE_DESK
+from dtwin.bus.messages import DESK
 from dtwin.bus.session import Bus
 from dtwin.bus.twin_messages import DeskRequest, DeskState
 from dtwin.errors import ParameterError, choices

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import takewhile
 from typing import Final
 
@@ -18,56 +18,36 @@ from dtwin.bus.line.messages import (
     ZonePlace,
     ZoneSeen,
 )
-from dtwin.line.line import Line
-from dtwin.line.live.asked import AskedRun
+from dtwin.bus.line.plant import PlantState, StationReading
+from dtwin.line.floor import Floor
+from dtwin.line.line import Assignment, Line
 from dtwin.line.live.places import station_place
 from dtwin.line.plant import LineEvent
-from dtwin.line.run import Decision
+from dtwin.line.twins.decisions import Decision, Mode
+from dtwin.line.twins.node import Capability
+from dtwin.line.twins.reorganisation import Reorganisation
 
 RECENT: Final = 600.0
 """Plant time over which the rate is told, s."""
 _WORKS: Final = 1
 _STOPPED: Final = 2
-_STATIONS: Final = {0: "waits", 1: "works", 2: "stopped", 3: "blocked"}
 _VEHICLES: Final = {0: "home", 1: "empty", 2: "loaded", 9: "charges"}
 
 
-def state_of(run: AskedRun, late: int) -> LineState:
-    """How a line does now.
+def plant_state(floor: Floor, version: int, set_up: Assignment, why: Mapping[str, str], late: int) -> PlantState:
+    """What sensors and blocks of a line tell now.
 
     Args:
-        run: the line.
+        floor: its plant and blocks.
+        version: number of set-ups since the start.
+        set_up: which station does what.
+        why: why stations are stopped, or will be in the next cycle, by their names, as far as it was told.
         late: number of late cycles.
     """
-    plant, line = run.plant, run.line
-    now = run.sample()
-    zones = {station.name: zone.name for zone in line.zones for station in zone.stations}
+    plant, line, now = floor.plant, floor.line, floor.sample()
     drives = {vehicle.name: zone.name for zone in line.zones for vehicle in zone.vehicles}
-    since = max(0.0, run.time - RECENT)
-    recent = list(takewhile(lambda event: event.time > since, reversed(run.course.events)))
-    shares = _shares(run, since)
-    stations = []
-    for number, (plan, seen) in enumerate(zip(line.stations, now.stations, strict=True)):
-        state, able = plant.stations[plan.name], run.capability(plan.name)
-        doing = _STOPPED if run.is_stopped(plan.name) else seen
-        box = state.worked or state.waits or state.finished
-        why = able.why[:1000]
-        stations.append(
-            StationSeen(
-                plan.name,
-                zones[plan.name],
-                _STATIONS[doing],
-                able.ability,
-                why,
-                plan.operations,
-                box,
-                state.waits,
-                state.worked,
-                state.finished,
-                *shares[number],
-                _quality(plan.name, recent),
-            )
-        )
+    since = max(0.0, floor.time - RECENT)
+    recent = list(takewhile(lambda event: event.time > since, reversed(floor.events)))
     vehicles = [
         VehicleSeen(
             name,
@@ -81,25 +61,93 @@ def state_of(run: AskedRun, late: int) -> LineState:
         )
         for (name, vehicle), doing, position in zip(plant.vehicles.items(), now.vehicles, now.positions, strict=True)
     ]
-    return LineState(
-        line.name[:32],
-        run.time,
-        run.settings.twins,
-        run.version,
-        {operation.name: run.assignment[operation.name] for operation in line.operations},
-        line.source.every,
+    return PlantState(
+        floor.time,
+        version,
+        {operation.name: set_up[operation.name] for operation in line.operations},
         len(plant.boxes),
         now.boxes,
         now.left,
         plant.lost,
         plant.collisions,
-        run.rate(since),
-        tuple(stations),
+        floor.rate(since),
+        tuple(_readings(floor, since, recent, why)),
         tuple(vehicles),
-        tuple(map(_decision, run.course.decisions[-TOLD:])),
-        late,
-        tuple(_zones(run, recent)),
+        tuple(sorted(floor.control.absent)),
+        tuple(_zones(floor, recent)),
         plant.outside,
+        late,
+    )
+
+
+def line_state(
+    line: Line,
+    mode: Mode,
+    plant: PlantState,
+    work: Reorganisation,
+    able: Callable[[str], Capability],
+    decisions: Sequence[Decision],
+) -> LineState:
+    """How a line does.
+
+    Args:
+        line: the line.
+        mode: what its twins may do.
+        plant: what sensors and blocks tell.
+        work: who does what.
+        able: tells what the arm of a station can do, as its twin says.
+        decisions: all of them, oldest first.
+    """
+    zones = {station.name: zone.name for zone in line.zones for station in zone.stations}
+    stations = []
+    for plan, reading in zip(line.stations, plant.stations, strict=True):
+        can = able(plan.name)
+        doing = "stopped" if reading.stop else "works" if reading.arm else "blocked" if reading.blocked else "waits"
+        box = reading.worked or reading.waiting or reading.finished
+        stations.append(
+            StationSeen(
+                plan.name,
+                zones[plan.name],
+                doing,
+                can.ability,
+                can.why[:1000],
+                plan.operations,
+                box,
+                *(reading.waiting, reading.worked, reading.finished),
+                *(reading.availability, reading.performance, reading.quality),
+            )
+        )
+    return LineState(
+        line.name[:32],
+        plant.time,
+        mode,
+        work.version,
+        {operation.name: work.assignment[operation.name] for operation in line.operations},
+        line.source.every,
+        plant.entered,
+        plant.inside,
+        plant.left,
+        plant.lost,
+        plant.collisions,
+        plant.rate,
+        tuple(stations),
+        plant.vehicles,
+        tuple(map(told, decisions[-TOLD:])),
+        plant.late,
+        plant.zones,
+        plant.outside,
+    )
+
+
+def told(decision: Decision) -> LineDecision:
+    """A decision as a message."""
+    return LineDecision(
+        decision.time,
+        decision.who[:32],
+        decision.what[:32],
+        decision.why[:1000],
+        decision.station,
+        decision.rate,
     )
 
 
@@ -123,11 +171,37 @@ def plan_of(line: Line) -> LinePlan:
     )
 
 
-def _shares(run: AskedRun, since: float) -> list[tuple[float, float]]:
+def _readings(
+    floor: Floor, since: float, recent: list[LineEvent], why: Mapping[str, str]
+) -> Iterator[StationReading]:
+    """What sensors and blocks of the stations tell.
+
+    Args:
+        floor: plant and blocks of the line.
+        since: time from which on shares count, s.
+        recent: what has happened since then, newest first.
+        why: why stations are stopped.
+    """
+    shares = _shares(floor, since)
+    for number, (name, state) in enumerate(floor.plant.stations.items()):
+        stop = state.report.stop or int(name in why)
+        yield StationReading(
+            name,
+            state.report.arm,
+            stop,
+            why.get(name, "")[:1000] if stop else "",
+            bool(state.finished and not state.worked),
+            *(state.waits, state.worked, state.finished),
+            *shares[number],
+            _quality(name, recent),
+        )
+
+
+def _shares(floor: Floor, since: float) -> list[tuple[float, float]]:
     """Availability and performance of each station since a time, s, as the table `oee` has them."""
-    samples = list(takewhile(lambda sample: sample.time > since, reversed(run.course.samples)))
+    samples = list(takewhile(lambda sample: sample.time > since, reversed(floor.samples)))
     if not samples:
-        return [(1.0, 0.0)] * len(run.line.stations)
+        return [(1.0, 0.0)] * len(floor.line.stations)
     found = []
     for states in zip(*(sample.stations for sample in samples), strict=True):
         count = Counter(states)
@@ -142,17 +216,17 @@ def _quality(station: str, recent: list[LineEvent]) -> float:
     return done / (done + lost) if done + lost else 1.0
 
 
-def _zones(run: AskedRun, recent: list[LineEvent]) -> Iterator[ZoneSeen]:
+def _zones(floor: Floor, recent: list[LineEvent]) -> Iterator[ZoneSeen]:
     """How the zones do.
 
     Args:
-        run: the line.
+        floor: plant and blocks of the line.
         recent: what has happened lately, newest first.
     """
-    plant = run.plant
-    for number, zone in enumerate(run.line.zones):
+    plant = floor.plant
+    for number, zone in enumerate(floor.line.zones):
         vehicles = {vehicle.name for vehicle in zone.vehicles}
-        exit_ = run.line.exit(number)
+        exit_ = floor.line.exit(number)
         left = [e.time for e in recent if e.kind == "unloaded" and e.text == exit_ and e.who in vehicles]
         rate = 3600.0 * (len(left) - 1) / (left[0] - left[-1]) if len(left) > 1 else 0.0
         held = (plant.stations[station.name] for station in zone.stations)
@@ -160,14 +234,3 @@ def _zones(run: AskedRun, recent: list[LineEvent]) -> Iterator[ZoneSeen]:
         inside += sum(bool(plant.vehicles[name].box) for name in vehicles)
         behind = len(plant.buffers[number]) if number < len(plant.buffers) else 0
         yield ZoneSeen(zone.name, inside, rate, behind)
-
-
-def _decision(decision: Decision) -> LineDecision:
-    return LineDecision(
-        decision.time,
-        decision.who[:32],
-        decision.what[:32],
-        decision.why[:1000],
-        decision.station,
-        decision.rate,
-    )

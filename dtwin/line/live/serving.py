@@ -1,21 +1,14 @@
-"""A running line on the bus: how it does, what another set-up would bring, proposals, set-ups, stops and releases.
-
-Everything is answered between two cycles, by the thread that runs the line, so that nobody sees half a cycle.
-"""
+"""A running line on the bus: how it does, what another set-up would bring, proposals, set-ups, stops and releases."""
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from concurrent.futures import Future
-from concurrent.futures import TimeoutError as Late
 from functools import partial
-from queue import Empty, SimpleQueue
-from typing import Any, Final, TypeVar
+from typing import Final, Protocol
 
 from dtwin.bus.line.messages import FlowEffect, LineState, SetUpDone, SetUpQuestion, SetUpRequest, StationWord
-from dtwin.bus.messages import (
-    CHECKED,
+from dtwin.bus.line.topics import (
     LINE_DECIDE,
     LINE_LOOK,
     LINE_PLAN,
@@ -28,22 +21,124 @@ from dtwin.bus.messages import (
 )
 from dtwin.bus.proposals.messages import LineLook, LookRequest, Proposal, ProposalDecision, ProposalRequest
 from dtwin.bus.session import Bus
-from dtwin.errors import CommunicationError, DtwinError, ParameterError
-from dtwin.line.line import CYCLE
-from dtwin.line.live.asked import AskedRun
-from dtwin.line.live.seen import plan_of, state_of
+from dtwin.bus.topics.topic import CHECKED
+from dtwin.errors import DtwinError, ParameterError
+from dtwin.line.line import Line
+from dtwin.line.live.between import Between
+from dtwin.line.live.pace import Pace
+from dtwin.line.live.seen import line_state, plan_of, plant_state
+from dtwin.line.run import LineRun
 from dtwin.line.twins.overall import Choice
+from dtwin.line.twins.reorganisation import Reorganisation
 from dtwin.simulation.proposals.book import TWIN, Book, check_form
 
 log = logging.getLogger(__name__)
 
 KINDS: Final = ("set-up", "diagnosis")
 """Kinds of proposals that a line takes."""
-R = TypeVar("R")
+
+
+class Asked(Protocol):
+    """A line that can be asked."""
+
+    @property
+    def time(self) -> float:
+        """Plant time, s."""
+
+    @property
+    def work(self) -> Reorganisation:
+        """Who does what in it."""
+
+    def state(self) -> LineState:
+        """How it does."""
+
+    def stop(self, station: str, who: str, why: str) -> None:
+        """Stops the arm of a station. Raises ParameterError."""
+
+    def release(self, station: str, who: str, why: str) -> None:
+        """Lets a stopped arm move again. Raises ParameterError."""
+
+
+class Answers:
+    """Answers what is asked of a line.
+
+    Args:
+        line: the line as it was built.
+        asked: the line that runs.
+        book: book of the proposals.
+        bus: session of the line.
+        between: what is done between two cycles.
+    """
+
+    def __init__(self, line: Line, asked: Asked, book: Book, bus: Bus, between: Between) -> None:
+        self._line, self._book = asked, book
+        ask = between.ask
+        bus.answer(LINE_STATE, LookRequest, None, partial(ask, asked.state))
+        bus.answer(LINE_LOOK, LookRequest, None, partial(ask, self._look))
+        plan = plan_of(line)
+        bus.answer(LINE_PLAN, LookRequest, None, lambda: plan)
+        bus.answer(LINE_PREDICT, SetUpQuestion, partial(ask, self._predict))
+        bus.answer(LINE_PROPOSE, ProposalRequest, partial(ask, self._propose))
+        bus.answer(LINE_DECIDE, ProposalDecision, partial(ask, self._decide))
+        bus.answer(SET_UP, SetUpRequest, partial(ask, self._set_up))
+        bus.answer(LINE_STOP, StationWord, partial(ask, partial(self._word, asked.stop)))
+        bus.answer(LINE_RELEASE, StationWord, partial(ask, partial(self._word, asked.release)))
+
+    def _look(self) -> LineLook:
+        version = self._line.work.version
+        return LineLook(version, self._book.newest(self._line.time, version))
+
+    def _predict(self, asked: SetUpQuestion) -> FlowEffect:
+        return self._line.work.effect(asked.set_up)
+
+    def _propose(self, asked: ProposalRequest) -> Proposal:
+        check_form(asked)
+        if asked.kind not in KINDS:
+            raise ParameterError(f"kind: expected {' or '.join(KINDS)}, since this is a line; got {asked.kind}")
+        self._book.make_room(self._line.time, self._line.work.version, asked.who)
+        effect = None
+        if asked.set_up is not None:
+            self._check(asked.set_up)
+            effect = self._line.work.effect(asked.set_up.set_up)
+        return self._book.add(asked, effect, self._line.time)
+
+    def _decide(self, decision: ProposalDecision) -> Proposal:
+        return self._book.decide(decision, self._line.time, self._line.work.version)
+
+    def _set_up(self, asked: SetUpRequest) -> SetUpDone:
+        self._check(asked)
+        effect = self._line.work.set_up(asked.set_up, asked.who, asked.why)
+        return SetUpDone(self._line.time, self._line.work.version, effect)
+
+    def _word(self, act: Callable[[str, str, str], None], word: StationWord) -> LineState:
+        act(word.station, word.who, word.why)
+        return self._line.state()
+
+    def _check(self, asked: SetUpRequest) -> None:
+        """Checks that a request is made for the set-up in force, and changes something."""
+        in_force = self._line.work.version
+        if asked.based_on != in_force:
+            raise ParameterError(
+                f"based_on: the set-up has changed: in force is version {in_force}, got {asked.based_on}"
+            )
+        if not asked.set_up:
+            raise ParameterError("set_up: expected an operation at least that another station shall do")
+
+    def lay(self, choice: Choice, why: str) -> None:
+        """Lays before a person what the twins would do."""
+        work, time = self._line.work, self._line.time
+        changes = {name: station for name, station in choice.assignment.items() if work.assignment[name] != station}
+        request = SetUpRequest(TWIN, why[:1000], work.version, changes)
+        asked = ProposalRequest(TWIN, why[:1000], "set-up", set_up=request)
+        try:
+            self._book.make_room(time, work.version, TWIN)
+            self._book.add(asked, work.effect(changes), time)
+        except DtwinError as error:
+            log.error("the twins' proposal is not kept: %s", error)
 
 
 class LiveLine:
-    """A line that is asked while it runs.
+    """A line, with its twins, in one process that is asked while it runs.
 
     Args:
         run: the line.
@@ -52,121 +147,54 @@ class LiveLine:
         clock: gives a time that only grows, s.
 
     Attributes:
-        late: number of cycles that began more than a cycle too late.
+        between: what is done between two cycles.
     """
 
-    def __init__(self, run: AskedRun, book: Book, bus: Bus, clock: Callable[[], float]) -> None:
-        self.late = 0
-        self._run, self._book, self._clock = run, book, clock
-        self._asked: SimpleQueue[tuple[Callable[[], Any], Future[Any]]] = SimpleQueue()
-        run.propose = self._lay
-        bus.answer(LINE_STATE, LookRequest, None, partial(self._between, self._state))
-        bus.answer(LINE_LOOK, LookRequest, None, partial(self._between, self._look))
-        plan = plan_of(run.line)
-        bus.answer(LINE_PLAN, LookRequest, None, lambda: plan)
-        for topic, message, act in (
-            (LINE_PREDICT, SetUpQuestion, self._predict),
-            (LINE_PROPOSE, ProposalRequest, self._propose),
-            (LINE_DECIDE, ProposalDecision, self._decide),
-            (SET_UP, SetUpRequest, self._set_up),
-            (LINE_STOP, StationWord, partial(self._word, run.stop)),
-            (LINE_RELEASE, StationWord, partial(self._word, run.release)),
-        ):
-            bus.answer(topic, message, partial(self._between, act))
+    def __init__(self, run: LineRun, book: Book, bus: Bus, clock: Callable[[], float]) -> None:
+        self.between = Between(clock, CHECKED)
+        self._run, self._clock = run, clock
+        self._late = 0
+        run.propose = Answers(run.line, self, book, bus, self.between).lay
 
-    def run(self, realtime: bool, stopping: Callable[[], bool], report: Callable[[], None]) -> None:
+    @property
+    def time(self) -> float:
+        """Plant time, s."""
+        return self._run.time
+
+    @property
+    def work(self) -> Reorganisation:
+        """Who does what in it."""
+        return self._run.work
+
+    def state(self) -> LineState:
+        """How it does."""
+        run = self._run
+        stopped = {name: "" for name in run.emulated if run.is_stopped(name)}
+        plant = plant_state(run.floor, run.work.version, run.work.assignment, stopped, self._late)
+        return line_state(run.line, run.settings.twins, plant, run.work, run.capability, run.course.decisions)
+
+    def stop(self, station: str, who: str, why: str) -> None:
+        """Stops the arm of a station. Raises ParameterError: there is none of that name."""
+        self._run.stop(station, who, why)
+
+    def release(self, station: str, who: str, why: str) -> None:
+        """Lets a stopped arm move again. Raises ParameterError: there is none of that name, or it is not stopped."""
+        self._run.release(station, who, why)
+
+    def run(self, realtime: bool, stopping: Callable[[], bool], report: Callable[[int], None]) -> None:
         """Runs the line until its end, and answers between two cycles.
 
         Args:
             realtime: whether a cycle takes as long as in the plant; otherwise the next one follows at once.
             stopping: tells whether it shall end now.
-            report: called after every cycle.
+            report: called after every cycle with the number of late ones.
 
         Raises:
             DtwinError: a box has vanished, or an arm or the blocks have failed.
         """
-        began = self._clock() - self._run.time
+        pace = Pace(self._clock, realtime)
         while not (self._run.over or stopping()):
             self._run.step()
-            ahead = began + self._run.time - self._clock() if realtime else 0.0
-            if ahead < -CYCLE:
-                self.late += 1
-                began -= ahead
-            self.serve(max(0.0, ahead))
-            report()
-
-    def serve(self, seconds: float = 0.0) -> None:
-        """Answers what was asked, and for some seconds what is asked meanwhile."""
-        until = self._clock() + seconds
-        while True:
-            left = until - self._clock()
-            try:
-                asked, answer = self._asked.get(timeout=left) if left > 0.0 else self._asked.get_nowait()
-            except Empty:
-                return
-            try:
-                answer.set_result(asked())
-            except DtwinError as error:
-                answer.set_exception(error)
-
-    def _between(self, act: Callable[..., R], *message: Any) -> R:
-        """What comes of something that the thread of the line does between two cycles."""
-        answer: Future[R] = Future()
-        self._asked.put((partial(act, *message), answer))
-        try:
-            return answer.result(CHECKED)
-        except Late:
-            raise CommunicationError("the line is busy, or has come to its end; try again") from None
-
-    def _state(self) -> LineState:
-        return state_of(self._run, self.late)
-
-    def _look(self) -> LineLook:
-        return LineLook(self._run.version, self._book.newest(self._run.time, self._run.version))
-
-    def _predict(self, asked: SetUpQuestion) -> FlowEffect:
-        return self._run.effect(asked.set_up)
-
-    def _propose(self, asked: ProposalRequest) -> Proposal:
-        check_form(asked)
-        if asked.kind not in KINDS:
-            raise ParameterError(f"kind: expected {' or '.join(KINDS)}, since this is a line; got {asked.kind}")
-        self._book.make_room(self._run.time, self._run.version, asked.who)
-        effect = None
-        if asked.set_up is not None:
-            self._check_version(asked.set_up.based_on)
-            if not asked.set_up.set_up:
-                raise ParameterError("set_up: expected an operation at least that another station shall do")
-            effect = self._run.effect(asked.set_up.set_up)
-        return self._book.add(asked, effect, self._run.time)
-
-    def _decide(self, decision: ProposalDecision) -> Proposal:
-        return self._book.decide(decision, self._run.time, self._run.version)
-
-    def _set_up(self, asked: SetUpRequest) -> SetUpDone:
-        self._check_version(asked.based_on)
-        if not asked.set_up:
-            raise ParameterError("set_up: expected an operation at least that another station shall do")
-        effect = self._run.set_up(asked.set_up, asked.who, asked.why)
-        return SetUpDone(self._run.time, self._run.version, effect)
-
-    def _word(self, act: Callable[[str, str, str], None], word: StationWord) -> LineState:
-        act(word.station, word.who, word.why)
-        return self._state()
-
-    def _check_version(self, seen: int) -> None:
-        if seen != self._run.version:
-            raise ParameterError(
-                f"based_on: the set-up has changed: in force is version {self._run.version}, got {seen}"
-            )
-
-    def _lay(self, choice: Choice, why: str) -> None:
-        """Lays before a person what the twins would do."""
-        run = self._run
-        changes = {name: station for name, station in choice.assignment.items() if run.assignment[name] != station}
-        request = SetUpRequest(TWIN, why[:1000], run.version, changes)
-        try:
-            self._book.make_room(run.time, run.version, TWIN)
-            self._book.add(ProposalRequest(TWIN, why[:1000], "set-up", set_up=request), run.effect(changes), run.time)
-        except DtwinError as error:
-            log.error("the twins' proposal is not kept: %s", error)
+            self.between.serve(pace.ahead())
+            self._late = pace.late
+            report(self._late)

@@ -85,12 +85,12 @@ class NodeTwin:
         """How long its work takes as long as nothing is wrong."""
         return rehearsed(self.plan)
 
-    def repaired(self, row: int) -> None:
-        """The arm is as it was made to be; what it does is watched from a row of its log on."""
+    def repaired(self) -> None:
+        """The arm is as it was made to be; what it does is watched from here on."""
         self.capability, self._known = self._able(), False
-        self._monitor, self._from, self._suspected_until, self._busy_since = None, row, 0, None
+        self._monitor, self._from, self._suspected_until, self._busy_since = None, self._seen, 0, None
 
-    def watch(self, log: RunLog, arm: int) -> list[Finding]:
+    def watch(self, log: RunLog, arm: int, stopped: bool = False) -> list[Finding]:
         """Looks at what the log has since the last call; returns what was found out.
 
         The monitor is asked when the arm leaves its path, or does not finish a box for long: it takes in the samples
@@ -99,6 +99,7 @@ class NodeTwin:
         Args:
             log: log of the station.
             arm: what the arm does: FREE, OFFERED or HOLDING.
+            stopped: whether it is stopped: then it finishes no box, whatever is wrong.
         """
         rows, first = len(log), self._seen
         self._seen = rows
@@ -107,7 +108,7 @@ class NodeTwin:
         new = log.since(first)
         self._busy_since = self._busy_since if arm != FREE and self._busy_since is not None else rows
         away = np.abs(new.stack("target") - new.stack("measured")).max()
-        late = arm != FREE and rows - self._busy_since > LATE
+        late = arm != FREE and not stopped and rows - self._busy_since > LATE
         if rows > self._from + SETTLED and (away > AWAY or late):
             self._suspected_until = rows + AFTER
         if rows > self._suspected_until:

@@ -5,10 +5,33 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 from dtwin.line.line import Assignment, Line
 from dtwin.line.station import WorkTimes
-from dtwin.line.twins.zone import HORIZON, Flow, ZoneTwin, simulated
+from dtwin.line.twins.node import Capability
+from dtwin.line.twins.zone import HORIZON, Flow, simulated
+
+
+class Zone(Protocol):
+    """What the twin of the line sees of a zone: its twin, wherever that is."""
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+
+    @property
+    def stations(self) -> tuple[str, ...]:
+        """Names of its stations."""
+
+    def capability(self, station: str) -> Capability:
+        """What the arm of a station can still do."""
+
+    def best(self, operations: tuple[str, ...], now: Assignment) -> Flow | None:
+        """The way to do some operations that lets most boxes through; None if its stations cannot do them."""
+
+    def rate(self, assignment: Assignment) -> float:
+        """Boxes an hour that leave the zone when there are always more, and room for them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +57,7 @@ class OverallTwin:
         zones: the twins of its zones, in their order.
     """
 
-    def __init__(self, line: Line, zones: Sequence[ZoneTwin]) -> None:
+    def __init__(self, line: Line, zones: Sequence[Zone]) -> None:
         self._line, self._zones = line, zones
 
     def choose(self, now: Assignment, refused: Sequence[Assignment] = ()) -> Choice | None:

@@ -15,7 +15,7 @@ from dtwin.line.control import Control, OneResource
 from dtwin.line.line import CYCLE, Assignment, Line
 from dtwin.line.plant import Plant
 from dtwin.line.station import Station, TimedStation, WorkTimes
-from dtwin.line.twins.node import NodeTwin
+from dtwin.line.twins.node import Capability, NodeTwin
 
 WARM_UP: Final = 150.0
 """Time of a simulation that does not count, s."""
@@ -48,15 +48,24 @@ class ZoneTwin:
     """
 
     def __init__(self, line: Line, number: int, nodes: Mapping[str, NodeTwin]) -> None:
-        self.name = line.zones[number].name
+        self._name = line.zones[number].name
         self._line, self._number = line, number
         self._nodes = {station.name: nodes[station.name] for station in line.zones[number].stations}
         self._known: dict[tuple[tuple[str, str], ...], float] = {}
 
     @property
+    def name(self) -> str:
+        """Its name."""
+        return self._name
+
+    @property
     def stations(self) -> tuple[str, ...]:
         """Names of its stations."""
         return tuple(self._nodes)
+
+    def capability(self, station: str) -> Capability:
+        """What the arm of a station can still do, as its twin says."""
+        return self._nodes[station].capability
 
     def assignments(self, operations: tuple[str, ...]) -> list[dict[str, str]]:
         """All ways in which the stations, as they are now, can do some operations."""

@@ -27,8 +27,8 @@ from dtwin.bus.messages import (
     LatchState,
     ResetRequest,
     State,
-    Topic,
 )
+from dtwin.bus.topics.topic import Topic
 from dtwin.errors import CommunicationError, DivergenceError, DtwinError
 from dtwin.services.parts.gate import STALE, Gate
 from dtwin.services.parts.latch import Latch

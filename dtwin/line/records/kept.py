@@ -14,7 +14,8 @@ import msgspec
 from dtwin.errors import RecordingError
 from dtwin.files import reason_of, replacing
 from dtwin.line.plant import LineEvent
-from dtwin.line.run import Decision, LineRun, Sample
+from dtwin.line.run import LineRun, Sample
+from dtwin.line.twins.decisions import Decision
 
 COURSE: Final = "course.json"
 HISTORY: Final = "history.jsonl"

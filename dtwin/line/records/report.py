@@ -8,7 +8,7 @@ from itertools import groupby
 from typing import Final
 
 from dtwin.commissioning.html import document, escaped, heading, paragraph, picture, table
-from dtwin.line.kept import Kept
+from dtwin.line.records.kept import Kept
 
 STATES: Final = ("waits", "works", "stopped", "blocked")
 """What a station does, by the number in a sample."""

@@ -17,8 +17,8 @@ import pyarrow.parquet as pq
 
 from dtwin.errors import DtwinError, ParameterError, RecordingError
 from dtwin.files import reason_of, replacing
-from dtwin.line.kept import Kept
-from dtwin.line.report import STATES
+from dtwin.line.records.kept import Kept
+from dtwin.line.records.report import STATES
 
 if TYPE_CHECKING:
     import duckdb

@@ -1,0 +1,158 @@
+"""What the processes of a line say to each other: its plant, the twins of its zones, and the twin of the line.
+
+The rules of `dtwin.bus.messages` hold; `dtwin.bus.line.topics` has the topics.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import msgspec
+
+from dtwin.bus.line.messages import TOLD, LineDecision, SetUps, VehicleSeen, ZoneSeen
+from dtwin.names import Name
+from dtwin.signals import SCHEMA, Count, Line, Seconds, Word
+
+Operations = Annotated[tuple[Name, ...], msgspec.Meta(max_length=8)]
+
+
+class StationReading(msgspec.Struct, frozen=True):
+    """What sensors and blocks of a station tell.
+
+    Attributes:
+        name: its name.
+        arm: 0 free, 1 a box is offered to it, 2 it holds one.
+        stop: number of the stop in force, 0 for none.
+        why: why it is stopped, in words, as far as it was told.
+        blocked: whether its finished box is not fetched.
+        waiting, worked, finished: numbers of the boxes in its slots, 0 for none.
+        availability, performance, quality: of the last ten minutes, as the table `oee` reckons them (ISO 22400-2).
+    """
+
+    name: Word
+    arm: Count
+    stop: Count
+    why: Line = ""
+    blocked: bool = False
+    waiting: Count = 0
+    worked: Count = 0
+    finished: Count = 0
+    availability: float = 1.0
+    performance: float = 0.0
+    quality: float = 1.0
+
+
+class PlantState(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """What sensors and blocks of a line tell, five times a second.
+
+    Attributes:
+        time: plant time, s.
+        version: number of set-ups since the start.
+        set_up: station of each operation, in the order of the operations.
+        entered, inside, left, lost: numbers of boxes.
+        collisions: number of touches of vehicles.
+        rate: boxes an hour that have left in the last ten minutes, 0 while fewer than two have.
+        stations, vehicles: how they do.
+        absent: names of the blocks that do not answer.
+        zones: how the zones do, in the order in which boxes pass them.
+        outside: number of boxes that wait in front of the source.
+        late: number of cycles that began more than a tick too late.
+    """
+
+    time: Seconds
+    version: Count
+    set_up: SetUps
+    entered: Count
+    inside: Count
+    left: Count
+    lost: Count
+    collisions: Count
+    rate: float
+    stations: tuple[StationReading, ...]
+    vehicles: tuple[VehicleSeen, ...]
+    absent: tuple[Word, ...] = ()
+    zones: tuple[ZoneSeen, ...] = ()
+    outside: Count = 0
+    late: Count = 0
+
+
+class PlantSetUp(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """Has the blocks of all zones do operations at these stations from now on.
+
+    Attributes:
+        based_on: version that was seen; another one in force refuses it.
+        set_up: station of each operation, all of them.
+    """
+
+    based_on: Count
+    set_up: SetUps
+
+
+class PlantWord(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """Has the blocks of a station stop its arm, or let it move again.
+
+    Attributes:
+        station: its name.
+        word: what is so: the arm has failed, its angles are unknown, or it is released.
+        why: reason, with who gives it.
+    """
+
+    station: Name
+    word: Literal["failed", "angles unknown", "release"]
+    why: Line
+
+
+class StationAbility(msgspec.Struct, frozen=True):
+    """What the twin of a station thinks of its arm.
+
+    Attributes:
+        name: its name.
+        ability: all, some places, lighter boxes or nothing.
+        places: places of its cell to which it can bring the heaviest box.
+        why: why, in words.
+    """
+
+    name: Word
+    ability: Literal["all", "some places", "lighter boxes", "nothing"]
+    places: tuple[Word, ...]
+    why: Line
+
+
+class ZoneState(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """What the twin of a zone thinks, once a second and whenever it thinks otherwise.
+
+    Attributes:
+        zone: its name.
+        time: plant time up to which it has seen its arms, s.
+        stations: what they can do.
+        decisions: its last ones, oldest first.
+    """
+
+    zone: Word
+    time: Seconds
+    stations: tuple[StationAbility, ...]
+    decisions: Annotated[tuple[LineDecision, ...], msgspec.Meta(max_length=TOLD)] = ()
+
+
+class FlowQuestion(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """What does a zone let through?
+
+    Attributes:
+        operations: those that it shall do as its stations can do best now; empty for those of the set-up.
+        set_up: station of each operation in force, or of each of its operations.
+    """
+
+    operations: Operations
+    set_up: SetUps
+
+
+class FlowAnswer(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+    """What it lets through.
+
+    Attributes:
+        set_up: station of each of its operations; empty if its stations cannot do them now.
+        rate: boxes an hour.
+    """
+
+    set_up: SetUps
+    rate: float

@@ -1,0 +1,296 @@
+"""The twin of the line as a process: it sees what zones tell, shares the work out, and answers people."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Final
+
+from dtwin.bus.line.messages import LineState
+from dtwin.bus.line.plant import FlowAnswer, FlowQuestion, PlantSetUp, PlantState, PlantWord, ZoneState
+from dtwin.bus.line.topics import PLANT_SET_UP, PLANT_STATE, PLANT_WORD, ZONE_FLOW, ZONE_STATE
+from dtwin.bus.session import Bus
+from dtwin.bus.topics.topic import CHECKED
+from dtwin.errors import CommunicationError, ParameterError, UnansweredError, choices
+from dtwin.line.line import Assignment, Line
+from dtwin.line.live.between import Between
+from dtwin.line.live.seen import line_state
+from dtwin.line.live.serving import Answers
+from dtwin.line.twins.decisions import Absence, Decision, Mode
+from dtwin.line.twins.node import Capability
+from dtwin.line.twins.overall import Choice
+from dtwin.line.twins.reorganisation import Doors, Reorganisation
+from dtwin.line.twins.zone import Flow
+from dtwin.line_file import LineFile
+from dtwin.simulation.proposals.book import Book
+
+log = logging.getLogger(__name__)
+
+HEARD: Final = 10.0
+"""Time without a word after which a zone counts as absent, s; its twin is busy for some when it looks back."""
+_ANSWER: Final = 20.0
+"""Longest wait for what a zone lets through, s."""
+_RETRY: Final = 1.0
+"""Time after which it is tried again to do what could not be done, s."""
+_LOOK: Final = 0.1
+"""Time from one look at what has come to the next, s."""
+
+
+class DistantZone:
+    """The twin of a zone in another process.
+
+    While it does not answer, what the zone does stays as it is.
+
+    Args:
+        line: the line.
+        number: number of the zone, from 0.
+        bus: session of the line.
+        clock: gives a time that only grows, s.
+
+    Attributes:
+        state: what it has told last.
+        plant: what the plant has told last.
+    """
+
+    def __init__(self, line: Line, number: int, bus: Bus, clock: Callable[[], float]) -> None:
+        zone = line.zones[number]
+        self.state: ZoneState | None = None
+        self.plant: PlantState | None = None
+        self._name, self._stations = zone.name, tuple(station.name for station in zone.stations)
+        self._places = tuple(dict.fromkeys(operation.place for operation in line.operations))
+        self._bus, self._clock = bus.beside(zone.name), clock
+        self._heard = clock()
+        self._rates: dict[tuple[tuple[str, str], ...], float] = {}
+        self._bus.subscribe(ZONE_STATE, ZoneState, self._hold)
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+        return self._name
+
+    @property
+    def stations(self) -> tuple[str, ...]:
+        """Names of its stations."""
+        return self._stations
+
+    @property
+    def present(self) -> bool:
+        """Whether it has told something lately."""
+        return self.state is not None and not self.missed
+
+    @property
+    def missed(self) -> bool:
+        """Whether it has told nothing for long."""
+        return self._clock() - self._heard >= HEARD
+
+    def capability(self, station: str) -> Capability:
+        """What the arm of a station can do: as its twin says; while that is absent, nothing if it is stopped."""
+        told = () if self.state is None else self.state.stations
+        found = next((each for each in told if each.name == station), None)
+        if found is not None and (self.present or found.ability != "all"):
+            return Capability(found.ability, found.places, found.why)
+        readings = () if self.plant is None else self.plant.stations
+        stopped = next((each for each in readings if each.name == station and each.stop), None)
+        if stopped is not None:
+            return Capability("nothing", (), stopped.why or "the blocks have stopped the arm; why is not known yet")
+        return Capability("all", self._places, "its twin does not answer")
+
+    def best(self, operations: tuple[str, ...], now: Assignment) -> Flow | None:
+        """The way to do some operations that lets most boxes through; None if its stations cannot do them."""
+        try:
+            answer = self._ask(FlowQuestion(operations, dict(now)))
+        except CommunicationError as error:
+            log.warning("zone %s stays as it is: %s", self._name, error)
+            share = {name: now[name] for name in operations if now[name] in self._stations}
+            able = all(self.capability(at).ability != "nothing" for at in share.values())
+            return (
+                Flow(share, self._rates.get(_key(share), 3600.0)) if able and len(share) == len(operations) else None
+            )
+        if not answer.set_up:
+            return None
+        self._rates[_key(answer.set_up)] = answer.rate
+        return Flow(dict(answer.set_up), answer.rate)
+
+    def rate(self, assignment: Assignment) -> float:
+        """Boxes an hour that leave the zone when there are always more, and room for them; 0 if nobody knows."""
+        key = _key(assignment)
+        if key not in self._rates:
+            try:
+                self._rates[key] = self._ask(FlowQuestion((), dict(assignment))).rate
+            except CommunicationError as error:
+                log.warning("zone %s: %s", self._name, error)
+                return 0.0
+        return self._rates[key]
+
+    def _ask(self, question: FlowQuestion) -> FlowAnswer:
+        if not self.present:
+            raise UnansweredError(f"the twin of zone {self._name} does not answer")
+        return self._bus.ask(ZONE_FLOW, question, FlowAnswer, _ANSWER)
+
+    def _hold(self, state: ZoneState) -> None:
+        self.state, self._heard = state, self._clock()
+
+
+class LiveOverall:
+    """The twin of a line that runs elsewhere.
+
+    Args:
+        line: the line.
+        mode: what the twins may do.
+        bus: session of the line.
+        book: book of the proposals.
+        history: file to which every decision is appended.
+        clock: gives a time that only grows, s.
+    """
+
+    def __init__(
+        self, line: Line, mode: Mode, bus: Bus, book: Book, history: LineFile[Decision], clock: Callable[[], float]
+    ) -> None:
+        self._line, self._mode, self._bus, self._history = line, mode, bus, history
+        self._between = Between(clock, CHECKED)
+        self._clock, self._tried = clock, -_RETRY
+        self._zones = [DistantZone(line, number, bus, clock) for number in range(len(line.zones))]
+        self._decisions: list[Decision] = []
+        self._able: dict[str, Capability] = {}
+        self._heard: set[tuple[float, str, str, str]] = set()
+        self._absence = Absence(self._note)
+        self._lost: set[str] = set()
+        self._plant: PlantState | None = None
+        self.work = Reorganisation(line, mode, self._zones, Doors(self._tell, self._now, self._note, self._propose))
+        self._answers = Answers(line, self, book, bus, self._between)
+        bus.subscribe(PLANT_STATE, PlantState, self._hold)
+
+    @property
+    def time(self) -> float:
+        """Plant time of the last state of the plant, s."""
+        return 0.0 if self._plant is None else self._plant.time
+
+    @property
+    def present(self) -> bool:
+        """Whether the plant and all zones have told something."""
+        return self._plant is not None and all(zone.present for zone in self._zones)
+
+    def prepare(self) -> None:
+        """Lets the zones find out, at the same time, what every way to share the work out brings."""
+        with ThreadPoolExecutor(len(self._zones)) as pool:
+            list(pool.map(self._prepare_zone, self._zones))
+
+    def _prepare_zone(self, zone: DistantZone) -> None:
+        names = [operation.name for operation in self._line.operations]
+        for first in range(len(names)):
+            for last in range(first + 1, len(names) + 1):
+                if zone.present:
+                    zone.best(tuple(names[first:last]), self.work.assignment)
+
+    def look(self) -> None:
+        """Does for a moment what is asked, and answers what has come."""
+        self._between.serve(_LOOK)
+        plant = self._plant
+        if plant is None:
+            return
+        if plant.version != self.work.version:
+            self.work.adopt(plant.set_up, plant.version)
+        self._absence.look(plant.absent, plant.time)
+        for zone in self._zones:
+            self._look_at(zone)
+        if self._clock() - self._tried >= _RETRY:
+            self._tried = self._clock()
+            self.work.retry()
+
+    def _look_at(self, zone: DistantZone) -> None:
+        """What has been decided in a zone, what its arms can do otherwise than before, and whether it answers."""
+        for each in () if zone.state is None else zone.state.decisions:
+            key = (each.time, each.who, each.what, each.station)
+            if key not in self._heard:
+                self._heard.add(key)
+                self._note(Decision(each.time, each.who, each.what, each.why, each.station, {}, each.rate))
+        if zone.missed and zone.name not in self._lost:
+            self._lost.add(zone.name)
+            why = f"the twin of zone {zone.name} does not answer: what the zone does stays as it is"
+            self._note(Decision(self.time, "overall twin", "no answer", why))
+        elif zone.present and zone.name in self._lost:
+            self._lost.remove(zone.name)
+            self._note(Decision(self.time, "overall twin", "answers again", f"the twin of zone {zone.name} answers"))
+            self.work.reconsider(f"the twin of zone {zone.name} answers again", "")
+        for station in zone.stations:
+            able, before = zone.capability(station), self._able.get(station)
+            self._able[station] = able
+            if able.ability == "all" if before is None else able.places == before.places:
+                continue
+            if able.ability == "all":
+                self.work.reconsider(f"{station} is repaired", station, self._line.assignment)
+            else:
+                self.work.reconsider(f"{station} can do {able.ability}", station)
+
+    def state(self) -> LineState:
+        """How it does.
+
+        Raises:
+            CommunicationError: the plant has told nothing yet.
+        """
+        if self._plant is None:
+            raise CommunicationError("the plant of the line has told nothing yet; try again")
+        return line_state(self._line, self._mode, self._plant, self.work, self._capability, self._decisions)
+
+    def stop(self, station: str, who: str, why: str) -> None:
+        """Stops the arm of a station, which keeps its box; what follows the twin of its zone says.
+
+        Raises:
+            ParameterError: there is no such station.
+            CommunicationError: the plant does not answer.
+        """
+        self._word(PlantWord(self._checked(station), "failed", f"it was stopped by {who}: {why}"[:1000]))
+        self._note(Decision(self.time, who, "stop", why, station))
+
+    def release(self, station: str, who: str, why: str) -> None:
+        """Lets a stopped arm move again, as one that is repaired.
+
+        Raises:
+            ParameterError: there is no such station, or its arm is not stopped.
+            CommunicationError: the plant does not answer.
+        """
+        self._word(PlantWord(self._checked(station), "release", f"released by {who}: {why}"[:1000]))
+        self._note(Decision(self.time, who, "repair", why, station))
+
+    def _capability(self, station: str) -> Capability:
+        return self._zones[self._line.zone_of(station)].capability(station)
+
+    def _checked(self, station: str) -> str:
+        names = [each.name for each in self._line.stations]
+        if station not in names:
+            raise ParameterError(f"station: expected {choices(names)}, got {station!r}")
+        return station
+
+    def _word(self, word: PlantWord) -> None:
+        self._hold(self._bus.ask(PLANT_WORD, word, PlantState))
+
+    def _tell(self, assignment: Assignment) -> bool:
+        """Has the zones set up; whether they take it. Raises UnansweredError: the plant does not answer."""
+        try:
+            self._hold(self._bus.ask(PLANT_SET_UP, PlantSetUp(self.work.version, dict(assignment)), PlantState))
+        except UnansweredError:
+            raise
+        except CommunicationError as error:
+            log.info("%s", error)
+            return False
+        return True
+
+    def _now(self) -> float:
+        return self.time
+
+    def _hold(self, state: PlantState) -> None:
+        self._plant = state
+        for zone in self._zones:
+            zone.plant = state
+
+    def _note(self, decision: Decision) -> None:
+        self._decisions.append(decision)
+        self._history.append(decision)
+
+    def _propose(self, choice: Choice, why: str) -> None:
+        self._answers.lay(choice, why)
+
+
+def _key(assignment: Assignment) -> tuple[tuple[str, str], ...]:
+    return tuple(sorted(assignment.items()))

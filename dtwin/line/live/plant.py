@@ -1,0 +1,153 @@
+"""The plant of a line on the bus, in real time, with the blocks that control it; its twins are other processes."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Final
+
+from dtwin.bus.line.plant import PlantSetUp, PlantState, PlantWord
+from dtwin.bus.line.topics import PLANT_SET_UP, PLANT_STATE, PLANT_WORD
+from dtwin.bus.messages import FAULT, Done, FaultRequest
+from dtwin.bus.session import Bus
+from dtwin.errors import ParameterError, choices
+from dtwin.line.floor import Floor
+from dtwin.line.line import Assignment
+from dtwin.line.live.arms import ArmPublisher
+from dtwin.line.live.between import Between
+from dtwin.line.live.pace import Pace
+from dtwin.line.live.seen import RECENT, plant_state
+from dtwin.line.twins.decisions import REPAIRED
+
+log = logging.getLogger(__name__)
+
+_TOLD: Final = 2
+"""Cycles from one state that is told to the next."""
+_RECORDED: Final = 10
+"""Cycles from one record to the next: a second."""
+_PATIENCE: Final = 4.0
+"""Longest wait of who asks, s."""
+
+
+class LivePlant:
+    """The plant of a line that everybody sees and that twins command.
+
+    Args:
+        floor: the plant and the blocks.
+        faults: faults of stations' arms, by the names of the stations.
+        bus: session of the line.
+        clock: gives a time that only grows, s.
+
+    Attributes:
+        messages: number of messages that were published of the arms.
+        pace: when cycles are due, and how many were late.
+
+    Raises:
+        DtwinError: a fault cannot be, or the blocks do not take the set-up of the line.
+    """
+
+    def __init__(self, floor: Floor, faults: Sequence[tuple[str, str]], bus: Bus, clock: Callable[[], float]) -> None:
+        self._floor = floor
+        self._between = Between(clock, _PATIENCE)
+        self.pace = Pace(clock)
+        self._version = 0
+        self._assignment: Assignment = dict(floor.line.assignment)
+        self._why: dict[str, str] = {}
+        self._cycles = self.messages = 0
+        for name, text in faults:
+            floor.inject(name, text, math.inf)
+        floor.control.set_up(self._assignment)
+        ask = self._between.ask
+        self._tell = bus.publisher(PLANT_STATE)
+        bus.answer(PLANT_SET_UP, PlantSetUp, partial(ask, self._set_up), partial(ask, self._state))
+        bus.answer(PLANT_WORD, PlantWord, partial(ask, self._word))
+        arms = {name: bus.beside(name) for name in floor.emulated}
+        for name, arm in arms.items():
+            arm.answer(FAULT, FaultRequest, partial(ask, partial(self._fault, name)))
+        self._arms = {name: ArmPublisher(arm, floor.emulated[name].log) for name, arm in arms.items()}
+
+    def run(self, stopping: Callable[[], bool], report: Callable[[], None], until: float) -> None:
+        """Runs in real time, and does between two cycles what is asked.
+
+        Args:
+            stopping: tells whether it shall end now.
+            report: called after every cycle.
+            until: plant time of the end, s.
+
+        Raises:
+            DtwinError: a box has vanished, or an arm or the blocks have failed.
+        """
+        self.pace.begin()
+        while self._floor.time < until and not stopping():
+            self.step()
+            self.serve(self.pace.ahead())
+            report()
+
+    def serve(self, seconds: float = 0.0) -> None:
+        """Does what was asked, and for some seconds what is asked meanwhile."""
+        self._between.serve(seconds)
+
+    @property
+    def time(self) -> float:
+        """Plant time, s."""
+        return self._floor.time
+
+    def step(self) -> None:
+        """Runs for a cycle and tells of it."""
+        floor = self._floor
+        floor.step()
+        self._cycles += 1
+        for name, arm in self._arms.items():
+            self.messages += arm.publish(floor.plant.stations[name].report.events)
+        if self._cycles % _TOLD:
+            return
+        if self._cycles % _RECORDED == 0:
+            floor.record()
+            floor.forget(floor.time - RECENT)
+        for name in floor.due_repairs():
+            self._release(name, REPAIRED)
+        self._tell(self._state())
+        self.messages += 1
+
+    def _state(self) -> PlantState:
+        return plant_state(self._floor, self._version, self._assignment, self._why, self.pace.late)
+
+    def _set_up(self, asked: PlantSetUp) -> PlantState:
+        if asked.based_on != self._version:
+            raise ParameterError(
+                f"based_on: the set-up has changed: in force is version {self._version}, got {asked.based_on}"
+            )
+        if not self._floor.control.set_up(asked.set_up):
+            raise ParameterError("set-up: a zone refuses it, because boxes could not leave then that can leave now")
+        self._assignment = dict(asked.set_up)
+        self._version += 1
+        return self._state()
+
+    def _word(self, asked: PlantWord) -> PlantState:
+        self._check(asked.station)
+        if asked.word == "release":
+            if not (self._floor.plant.stations[asked.station].report.stop or asked.station in self._why):
+                raise ParameterError(f"station {asked.station}: expected one whose arm is stopped")
+            self._release(asked.station, asked.why)
+        else:
+            self._floor.emulated[asked.station].give(asked.word)
+            self._why[asked.station] = asked.why
+        return self._state()
+
+    def _release(self, name: str, why: str) -> None:
+        self._floor.emulated[name].give("release")
+        self._why.pop(name, None)
+        log.info("%s: %s", name, why)
+
+    def _fault(self, name: str, asked: FaultRequest) -> Done:
+        now = self._floor.time
+        faults = [text if "@" in text else f"{text}@{now:g}" for text in asked.faults]
+        for text in faults:
+            self._floor.inject(name, text, math.inf)
+        return Done(now, "; ".join(faults)[:1000])
+
+    def _check(self, name: str) -> None:
+        if name not in self._floor.emulated:
+            raise ParameterError(f"station: expected {choices(list(self._floor.emulated))}, got {name!r}")

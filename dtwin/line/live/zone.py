@@ -1,0 +1,168 @@
+"""The twin of a zone as a process: it watches its arms over the bus, tells what they can do, and what passes.
+
+When the twin of the line does not answer, it shares the work of its zone out among its own stations by itself.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections import deque
+from collections.abc import Callable
+from typing import Any, Final
+
+from dtwin.bus.line.messages import TOLD
+from dtwin.bus.line.plant import (
+    FlowAnswer,
+    FlowQuestion,
+    PlantSetUp,
+    PlantState,
+    PlantWord,
+    StationAbility,
+    ZoneState,
+)
+from dtwin.bus.line.topics import PLANT_SET_UP, PLANT_STATE, PLANT_WORD, ZONE_FLOW, ZONE_STATE
+from dtwin.bus.messages import Path
+from dtwin.bus.session import Bus
+from dtwin.bus.ticks import Tick
+from dtwin.errors import CommunicationError
+from dtwin.line.line import Line
+from dtwin.line.live.arms import ArmFollower
+from dtwin.line.live.seen import told
+from dtwin.line.twins.decisions import OPERATOR, REPAIRED, Decision, Mode
+from dtwin.line.twins.guard import Guard, StopState
+from dtwin.line.twins.node import BEFORE, NodeTwin
+from dtwin.line.twins.zone import ZoneTwin
+from dtwin.parameters import PERIOD
+
+log = logging.getLogger(__name__)
+
+OVERALL: Final = "overall"
+"""Name of the service that is the twin of the line."""
+_LOOK: Final = 1.0
+"""Plant time from one look at the arms to the next, s."""
+
+
+class LiveZone:
+    """The twin of a zone that watches a running line.
+
+    Args:
+        line: the line.
+        number: number of the zone, from 0.
+        mode: what the twins may do.
+        bus: session of the line.
+        put: gives something that has come over the bus to the thread that calls `take`.
+    """
+
+    def __init__(self, line: Line, number: int, mode: Mode, bus: Bus, put: Callable[[Any], None]) -> None:
+        self._line, self._mode, self._bus = line, mode, bus
+        zone = line.zones[number]
+        nodes = {s.name: NodeTwin(s, line.source.lightest, line.source.heaviest) for s in zone.stations}
+        self._twin = ZoneTwin(line, number, nodes)
+        self._guard = Guard(nodes, self._stop, self._note)
+        self._decisions: deque[Decision] = deque(maxlen=TOLD)
+        self._plant: PlantState | None = None
+        self._seen_stopped: set[str] = set()
+        self._looked = 0.0
+        self._alone = True
+        own = bus.beside(zone.name)
+        self._tell = own.publisher(ZONE_STATE)
+        self._arms = {
+            name: ArmFollower(bus.beside(name), lambda arm, came: put((arm, came))) for name in self._twin.stations
+        }
+        bus.subscribe(PLANT_STATE, PlantState, put)
+        bus.watch_alive(lambda name, alive: put(alive), OVERALL)
+        own.answer(ZONE_FLOW, FlowQuestion, self._flow)
+
+    @property
+    def time(self) -> float:
+        """Plant time of the last state of the plant, s."""
+        return 0.0 if self._plant is None else self._plant.time
+
+    def take(self, came: PlantState | bool | tuple[ArmFollower, list[Tick] | Path]) -> None:
+        """Takes what has come over the bus, and looks at the arms when that is due."""
+        if isinstance(came, tuple):
+            came[0].take(came[1])
+        elif isinstance(came, bool):
+            self._alone = not came
+        else:
+            if came.time < self.time:  # the plant has begun anew
+                self._looked = 0.0
+            self._plant = came
+            if came.time - self._looked >= _LOOK:
+                self._looked = came.time
+                self._look(came)
+
+    def tell(self) -> None:
+        """Tells what the twin thinks."""
+        stations = []
+        for name in self._twin.stations:
+            able = self._twin.capability(name)
+            stations.append(StationAbility(name, able.ability, able.places, able.why[:1000]))
+        self._tell(ZoneState(self._twin.name, self.time, tuple(stations), tuple(map(told, self._decisions))))
+
+    def _look(self, plant: PlantState) -> None:
+        if self._mode != "off":
+            for reading in plant.stations:
+                if reading.name in self._arms:
+                    self._watch(reading.name, reading.arm, reading.stop, reading.why)
+        for arm in self._arms.values():
+            arm.forget(2 * BEFORE * PERIOD)
+        self.tell()
+
+    def _watch(self, name: str, arm: int, stop: int, why: str) -> None:
+        """Looks at what an arm has done, and what follows from it."""
+        time, reasons = self.time, []
+        if stop:
+            self._seen_stopped.add(name)
+        elif name in self._seen_stopped:  # one that is to be stopped has not been seen stopped yet
+            self._seen_stopped.remove(name)
+            reasons.append(self._guard.repaired(name, time, OPERATOR, REPAIRED))
+        if stop and why:
+            reasons += self._guard.known(name, why)
+        reasons += self._guard.look(name, self._arms[name].log, arm, stop, time)
+        for because in reasons:
+            self.tell()
+            if self._alone and self._mode == "act":
+                self._reorganise(because, name)
+
+    def _reorganise(self, because: str, station: str) -> None:
+        """Shares the operations of this zone out anew, because nobody else does."""
+        if self._plant is None:
+            return
+        in_force = dict(self._plant.set_up)
+        share = tuple(name for name, at in in_force.items() if at in self._twin.stations)
+        flow = self._twin.best(share, in_force)
+        if flow is None:
+            why = f"{because}: no station of the zone can do all that is left"
+            self._note(Decision(self.time, f"twin of {self._twin.name}", "none possible", why, station))
+            return
+        if all(in_force[name] == at for name, at in flow.assignment.items()):
+            return
+        moved = ", ".join(f"{n} from {in_force[n]} to {at}" for n, at in flow.assignment.items() if in_force[n] != at)
+        whole = {**in_force, **flow.assignment}
+        try:
+            self._bus.ask(PLANT_SET_UP, PlantSetUp(self._plant.version, whole), PlantState)
+        except CommunicationError as error:
+            log.warning("%s: %s", because, error)
+            return
+        why = f"{because}, and the twin of the line does not answer: {moved}"
+        self._note(Decision(self.time, f"twin of {self._twin.name}", "set-up", why, station, whole, flow.rate))
+        self.tell()
+
+    def _stop(self, station: str, state: StopState, why: str) -> None:
+        try:
+            self._bus.ask(PLANT_WORD, PlantWord(station, state, why[:1000]), PlantState)
+        except CommunicationError as error:
+            log.error("%s is not stopped: %s", station, error)
+
+    def _flow(self, asked: FlowQuestion) -> FlowAnswer:
+        """Answers on a thread of its own: a simulation takes seconds, in which the arms are watched."""
+        share = {name: at for name, at in asked.set_up.items() if at in self._twin.stations}
+        if not asked.operations:
+            return FlowAnswer(share, self._twin.rate(share) if share else 0.0)
+        flow = self._twin.best(asked.operations, asked.set_up)
+        return FlowAnswer({}, 0.0) if flow is None else FlowAnswer(dict(flow.assignment), flow.rate)
+
+    def _note(self, decision: Decision) -> None:
+        self._decisions.append(decision)
+        log.info("%s: %s: %s", decision.who, decision.what, decision.why)

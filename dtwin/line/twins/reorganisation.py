@@ -1,0 +1,223 @@
+"""Who does what in a line, and who has it changed: the twin of the line, and people who ask.
+
+It knows zones and what their stations can do, but neither plant nor logs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+from dtwin.bus.line.messages import FlowEffect, ZoneFlow
+from dtwin.errors import ParameterError, UnansweredError, choices
+from dtwin.line.line import Assignment, Line
+from dtwin.line.twins.decisions import Decision, Mode, Note
+from dtwin.line.twins.overall import Choice, OverallTwin, Zone, changed
+
+
+@dataclass(frozen=True, slots=True)
+class Doors:
+    """What a reorganisation needs of the rest.
+
+    Attributes:
+        set_up: tells the zones which station does what from now on; whether they take it. It may raise
+            UnansweredError, when nobody answers in time.
+        clock: gives the plant time, s.
+        note: keeps what is decided.
+        propose: lays before a person what the twins would do, and why.
+    """
+
+    set_up: Callable[[Assignment], bool]
+    clock: Callable[[], float]
+    note: Note
+    propose: Callable[[Choice, str], None] = lambda choice, why: None
+
+
+class Reorganisation:
+    """Shares the work out, and shares it out otherwise when there is a reason.
+
+    Args:
+        line: the line.
+        mode: what the twins may do.
+        zones: the twins of the zones, in their order.
+        doors: what it needs of the rest.
+
+    Attributes:
+        assignment: which station does what now.
+        version: number of set-ups since the start.
+    """
+
+    def __init__(self, line: Line, mode: Mode, zones: Sequence[Zone], doors: Doors) -> None:
+        self._line, self._mode, self._zones, self._doors = line, mode, zones, doors
+        self._overall = OverallTwin(line, zones)
+        self._pending: tuple[Assignment, str, str] | None = None
+        self._impossible = ""
+        self.assignment: Assignment = dict(line.assignment)
+        self.version = 0
+
+    def prepare(self) -> None:
+        """Lets the twins find out beforehand what every way to share the work out brings, which takes a while."""
+        self._overall.choose(self.assignment)
+
+    def reconsider(self, because: str, station: str, towards: Assignment | None = None) -> None:
+        """Shares the work out as is best now; what cannot be done yet is tried again with `retry`.
+
+        Args:
+            because: why.
+            station: station that it is about.
+            towards: from which as little as possible shall be changed; what is in force if not given.
+        """
+        if self._mode == "off":
+            return
+        now = self.assignment if towards is None else towards
+        self._pending = None
+        refused: list[Assignment] = []
+        while choice := self._overall.choose(now, refused):
+            if not changed(self.assignment, choice.assignment):
+                if not self._possible(self.assignment):  # nobody could tell anything better
+                    self._pending = (now, because, station)
+                return
+            try:
+                if self._mode == "act" and not self._doors.set_up(choice.assignment):
+                    refused.append(choice.assignment)
+                    continue
+            except UnansweredError:
+                self._pending = (now, because, station)
+                return
+            self._adopt(choice, because, station)
+            return
+        self._pending = (now, because, station)
+        if not refused and because != self._impossible:
+            self._impossible = because
+            why = f"{because}: no station can do all that is left"
+            self._decide("overall twin", "none possible", why, station)
+
+    def retry(self) -> None:
+        """Tries again what could not be done, if anything."""
+        if self._pending is not None:
+            now, because, station = self._pending
+            self.reconsider(because, station, now)
+
+    def adopt(self, assignment: Assignment, version: int) -> None:
+        """Takes note of a set-up that came into force without this twin."""
+        self.assignment, self.version = dict(assignment), version
+
+    def effect(self, changes: Assignment) -> FlowEffect:
+        """What the twins expect of a set-up beside the one in force.
+
+        Args:
+            changes: the station of each operation that another one shall do; empty for the best set-up there is.
+
+        Raises:
+            ParameterError: the stations cannot do it, or nothing is changed, or there is no set-up that they can do.
+        """
+        assignment = self.changed(changes) if changes else self._best()
+        zones = zip(self._zones, self._flows(assignment), self._flows(self.assignment), strict=True)
+        flows = tuple(ZoneFlow(zone.name, after, before) for zone, after, before in zones)
+        difference = tuple(
+            f"{name}: {before} becomes {assignment[name]}"
+            for name, before in self.assignment.items()
+            if before != assignment[name]
+        )
+        now = self._whole([flow.rate_now for flow in flows]) if self._possible(self.assignment) else 0.0
+        return FlowEffect(dict(assignment), self._whole([flow.rate for flow in flows]), now, flows, difference)
+
+    def changed(self, changes: Assignment) -> dict[str, str]:
+        """The set-up in force with some operations done by other stations.
+
+        Raises:
+            ParameterError: there is no such operation, the stations cannot do it, or nothing is changed.
+        """
+        for name in changes:
+            if name not in self.assignment:
+                raise ParameterError(f"operation {name}: expected {choices(list(self.assignment))}")
+        assignment = {**self.assignment, **changes}
+        self.check(assignment)
+        if assignment == self.assignment:
+            raise ParameterError("set-up: expected another one than is in force")
+        return assignment
+
+    def check(self, assignment: Assignment) -> None:
+        """Checks that stations can do a set-up: as they were built, and as their twins say that they are now.
+
+        Raises:
+            ParameterError: one cannot; the message says which and why.
+        """
+        self._line.check_assignment(assignment)
+        for operation in self._line.operations:
+            station = assignment[operation.name]
+            able = self._zones[self._line.zone_of(station)].capability(station)
+            if operation.place not in able.places:
+                raise ParameterError(
+                    f"assignment.{operation.name}: {station} can do {able.ability} there now: {able.why}"
+                )
+
+    def set_up(self, changes: Assignment, who: str, why: str) -> FlowEffect:
+        """Sets stations up as somebody asks, if they can do it and the zones take it.
+
+        Args:
+            changes: the station of each operation that another one shall do.
+            who: name of who asks.
+            why: reason.
+
+        Raises:
+            ParameterError: a station cannot do it, nothing is changed, or a zone refuses it.
+        """
+        self.changed(changes)
+        effect = self.effect(changes)
+        if not self._doors.set_up(effect.set_up):
+            raise ParameterError("set-up: a zone refuses it, because boxes could not leave then that can leave now")
+        self._pending = None
+        self.assignment = effect.set_up
+        self.version += 1
+        self._decide(who, "set-up", why, "", effect.set_up, effect.rate)
+        return effect
+
+    def _best(self) -> dict[str, str]:
+        choice = self._overall.choose(self.assignment)
+        if choice is None:
+            raise ParameterError("set-up: there is none, because no station can do all that is left")
+        return choice.assignment
+
+    def _possible(self, assignment: Assignment) -> bool:
+        try:
+            self.check(assignment)
+        except ParameterError:
+            return False
+        return True
+
+    def _flows(self, assignment: Assignment) -> list[float]:
+        """Boxes an hour that each zone lets through with a set-up; 0 for one that has nothing to do."""
+        shares = [{n: s for n, s in assignment.items() if s in zone.stations} for zone in self._zones]
+        return [zone.rate(share) if share else 0.0 for zone, share in zip(self._zones, shares, strict=True)]
+
+    def _whole(self, flows: list[float]) -> float:
+        return min([3600.0 / self._line.source.every, *(flow for flow in flows if flow)])
+
+    def _adopt(self, choice: Choice, because: str, name: str) -> None:
+        """Notes what the zones do from now on, or would do."""
+        acts = self._mode == "act"
+        self._impossible = ""
+        moved = ", ".join(
+            f"{operation} from {self.assignment[operation]} to {station}"
+            for operation, station in choice.assignment.items()
+            if self.assignment[operation] != station
+        )
+        why, what = f"{because}: {moved}; {choice.why}", "set-up" if acts else "proposal"
+        self._decide("overall twin", what, why, name, choice.assignment, choice.rate)
+        if acts:
+            self.assignment = choice.assignment
+            self.version += 1
+        else:
+            self._doors.propose(choice, why)
+
+    def _decide(
+        self,
+        who: str,
+        what: str,
+        why: str,
+        station: str = "",
+        assignment: Mapping[str, str] | None = None,
+        rate: float = 0.0,
+    ) -> None:
+        self._doors.note(Decision(self._doors.clock(), who, what, why, station, dict(assignment or {}), rate))
