@@ -30,11 +30,13 @@ SECONDS = 20.0
 
 
 @pytest.mark.parametrize("device", [pytest.param("embedded", id="embedded"), *FORTES])
-def test_an_arm_of_six_joints_has_the_same_commands(device: str, tmp_path: Path) -> None:
-    arm = arm_of("six-axis")
+@pytest.mark.parametrize("name", ["six-axis", "servo-2r"])
+def test_an_arm_has_the_same_commands(name: str, device: str, tmp_path: Path) -> None:
+    """Also one whose drives take positions."""
+    arm = arm_of(name)
     poses = Poses(drawn_poses(arm, 4, np.random.default_rng(5)).positions, 0.1, True)
     (tmp_path / "poses.toml").write_text(poses_text(poses))
-    assert main(["fb", "make", "six-axis", str(tmp_path / "arm.sys"), "--poses", str(tmp_path / "poses.toml")]) == 0
+    assert main(["fb", "make", name, str(tmp_path / "arm.sys"), "--poses", str(tmp_path / "poses.toml")]) == 0
     library = Library([tmp_path])
     network = device_network(library.load_system(tmp_path / "arm.sys"))
     ports = dict(zip((PORT, VERDICT_PORT), free_ports(2), strict=True))
@@ -42,9 +44,9 @@ def test_an_arm_of_six_joints_has_the_same_commands(device: str, tmp_path: Path)
     with served as management, connected(lambda: ManagementClient(management, PATIENCE)) as client:
         deploy(client, suited(client, partial(plan_deployment, "EMB_RES", network, library, ports)))
         address = Address(LOOPBACK, ports[PORT])
-        layouts = messages(6)
+        layouts = messages(len(arm))
         with connected(lambda: BlockingClient(address, *layouts, PATIENCE)) as remote:
-            controller = ChainController(6, inputs(arm, usual_inertia(arm), Control(), poses))
+            controller = ChainController(len(arm), inputs(arm, usual_inertia(arm), Control(), poses))
             plant = ChainPlant(machine_of("nominal", arm), poses.positions[0])
             for tick in range(round(SECONDS / arm.period)):
                 positions = plant.read().tolist()
