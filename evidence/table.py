@@ -97,6 +97,11 @@ COMMANDS: Final[dict[str, Subcommand]] = {
     "experiment false-alarms": Subcommand(
         "evidence.monitoring.false_alarms", "ExperimentFalseAlarms", "count the monitor's alarms over days; report"
     ),
+    "experiment healthy-stops": Subcommand(
+        "evidence.monitoring.healthy_stops",
+        "ExperimentHealthyStops",
+        "count how often the blocks alone stop healthy arms; report",
+    ),
     "experiment sampling": Subcommand(
         "evidence.monitoring.sampling", "ExperimentSampling", "find the limits of the monitors; report"
     ),

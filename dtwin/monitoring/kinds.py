@@ -130,7 +130,16 @@ KINDS: Final[dict[str, Kind]] = {
         nothing=0.1,
         limit=Limit(0.5),
     ),
-    "mu": Kind("friction", "jump", angles_known=True, states=("D", "mu"), unit="N m", plausible=0.01, nothing=0.1),
+    "mu": Kind(
+        "friction",
+        "jump",
+        angles_known=True,
+        states=("D", "mu"),
+        unit="N m",
+        plausible=0.01,
+        nothing=0.1,
+        limit=Limit(0.02, relative=False),
+    ),
     "friction": Kind("friction", "jumps", angles_known=True, states=("D", "mu")),
     "payload": Kind(
         "payload differs",

@@ -115,9 +115,9 @@ class Forecast(msgspec.Struct, frozen=True):
         amount = f"{scale * self.change:+.{digits}f} {unit}"
         slope = f"{scale * self.per_hour:+.2g} {unit}/h"
         limit = f"{scale * self.limit:+.0f} {unit}"
-        end = (
-            "is reached" if not self.hours else f"in {self.hours:.1f} h ({self.earliest:.1f} to {self.latest:.1f} h)"
-        )
+        each, of = (1.0, "h") if self.hours >= 1.0 else (60.0, "min")
+        times = [f"{each * time:.{1 if of == 'h' else 0}f}" for time in (self.hours, self.earliest, self.latest)]
+        end = "is reached" if not self.hours else f"in {times[0]} {of} ({times[1]} to {times[2]} {of})"
         return f"{self.cause} of joint {self.joint} is {amount} and changes by {slope}: limit {limit} {end}"
 
 

@@ -5,6 +5,7 @@ import io
 import tempfile
 from pathlib import Path
 
+import msgspec
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -384,3 +385,11 @@ def test_services_stops_and_silence_come_and_go() -> None:
 def test_an_unknown_name_is_an_error_of_the_project() -> None:
     with pytest.raises(DtwinError, match="'x' is no alarm of this cell"):
         AlarmList(Journal(None)).acknowledge("x", 0.0, "ann")
+
+
+def test_forecasts_of_two_joints_are_two_alarms() -> None:
+    alarms = AlarmList(Journal(None))
+    texts = tuple(f"voltage constant of joint {joint} is -3.0 % and changes by -36 %/h" for joint in (1, 2))
+    told = msgspec.structs.replace(verdict(joint_1=MonitoredUnit("may be degrading")), forecasts=texts)
+    Sources(alarms).verdict(told, 1.0)
+    assert {alarm.text for alarm in alarms.alarms()} >= set(texts)

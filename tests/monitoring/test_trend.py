@@ -1,5 +1,6 @@
 """Slow changes and their forecast."""
 
+import dataclasses
 import math
 from collections.abc import Callable
 
@@ -11,7 +12,8 @@ from dtwin.monitoring.estimation.belief import Belief
 from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.estimation.layout import INDEX
 from dtwin.monitoring.estimation.tuning import Tuning
-from dtwin.monitoring.trend import FEWEST, INTERVAL, Trend, line
+from dtwin.monitoring.learning.course import courses
+from dtwin.monitoring.trend import FEWEST, INTERVAL, LATELY, Trend, line, rest
 
 
 def grown(belief: Belief, name: str, course: Callable[[float], float], entries: int, noise: float = 0.0) -> Trend:
@@ -39,6 +41,60 @@ def test_growing_friction_is_forecast(belief: Belief) -> None:
     assert "limit +50 %" in forecast.text()
 
 
+@pytest.mark.parametrize("before", [0.1, 3.0, 5.9])
+def test_a_leak_is_forecast_long_before_its_limit_whenever_it_begins(belief: Belief, before: float) -> None:
+    healthy = belief.arm.get("K2")
+    leaking = 1.0 / 12.0  # five minutes at 1 % a minute: half of the way to the limit
+    entries = round((before + leaking) * 3600 / INTERVAL)
+    trend = grown(belief, "K2", lambda h: healthy * (1 - 0.6 * max(h - before, 0.0)), entries, noise=1e-4)
+    (forecast,) = trend.forecasts()
+    assert forecast.parameter == "K2"
+    assert forecast.change == pytest.approx(-0.05, abs=0.01)
+    assert 0.0 < forecast.hours < 0.2
+    assert "min (" in forecast.text()
+
+
+def test_a_change_that_dies_away_before_the_limit_is_no_news(belief: Belief) -> None:
+    healthy = belief.arm.get("K1")
+
+    def warming(hours: float) -> float:
+        return healthy * (1 + 0.06 * math.expm1(-12.0 * hours))
+
+    assert all(grown(belief, "K1", warming, entries, noise=1e-6).forecasts() == [] for entries in (45, 60, 200, 700))
+
+
+def test_what_a_healthy_arm_was_seen_to_change_by_counts_for_nothing(belief: Belief) -> None:
+    course = courses({"D1": (-1e-3, -0.5e-3), "K2": (-1e-4, -1e-4)}, 600.0)
+    assert course["D1"] == pytest.approx((-0.1, 0.45))
+    assert course["K2"] == pytest.approx((-0.06, 0.06))
+    warms = dataclasses.replace(belief, courses=course)
+    healthy = belief.arm.get("D1")
+
+    def cold(hours: float) -> float:
+        return healthy * (1 + 0.45 * math.exp(-12.0 * hours))
+
+    def worn(hours: float) -> float:
+        return healthy * (1 + 0.45 + 0.5 * hours)
+
+    assert grown(warms, "D1", cold, 200, noise=1e-6).forecasts() == []
+    (forecast,) = grown(warms, "D1", worn, 200, noise=1e-6).forecasts()
+    assert forecast.limit == pytest.approx(0.5 + 0.45)
+
+
+def test_dry_friction_and_each_joint_have_trends_of_their_own(belief: Belief) -> None:
+    (forecast,) = grown(belief, "mu2", lambda h: 0.001 + 0.01 * h, 360, noise=1e-6).forecasts()
+    assert forecast.parameter == "mu2"
+    assert "mN m" in forecast.text()
+
+
+def test_how_far_a_change_goes_on_is_that_of_the_exponential() -> None:
+    hours = np.linspace(-1.0, 0.0, 100)
+    left = rest(hours, np.exp(-3.0 * (hours + 1.0)))
+    assert math.exp(-3.0) <= left < 0.3
+    assert rest(hours, hours) == math.inf
+    assert rest(hours, np.exp(hours)) == math.inf
+
+
 def test_a_limit_that_is_reached(belief: Belief) -> None:
     healthy = belief.arm.get("K1")
     trend = grown(belief, "K1", lambda h: healthy * (0.95 - 0.1 * h), 360)
@@ -64,7 +120,7 @@ def test_a_healthy_arm_has_no_forecast(belief: Belief, noise: float) -> None:
 def test_few_entries_tell_nothing_and_old_ones_are_dropped(belief: Belief, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(trend_of_parameters, "KEPT", 2 * FEWEST)
     healthy = belief.arm.get("D2")
-    assert grown(belief, "D2", lambda h: healthy * (1 + 3 * h), FEWEST - 1).forecasts() == []
+    assert grown(belief, "D2", lambda h: healthy * (1 + 3 * h), LATELY[0] - 1).forecasts() == []
     trend = grown(belief, "D2", lambda h: healthy, 2 * FEWEST + 50)
     assert len(trend.changes()[0]) == 2 * FEWEST
     trend.restart()

@@ -110,7 +110,7 @@ class Sources:
         told += [(name, each) for each in verdict.findings for name in _units(each.parameter)]
         found = {alarm.name: alarm for alarm in (_of_finding(name, unit) for name, unit in told)}
         for text in verdict.forecasts:
-            name = FORECAST + text.partition(":")[0].partition(" ")[0][:80]
+            name = FORECAST + text.partition(" is ")[0][:80]
             found[name] = Alarm(name, text, FORECASTED.priority, FORECASTED.response)
         self._replace((FINDING, FORECAST), found, at, verdict.time)
 

@@ -14,6 +14,7 @@ from dtwin.errors import ModelError, ParameterError
 from dtwin.identification.machine.record import LEARNED, MachineRecord
 from dtwin.identification.model import IdentifiedModel
 from dtwin.monitoring.estimation.layout import ARM_NAMES
+from dtwin.monitoring.learning.course import courses
 from dtwin.parameters import ArmParameters, Triple, symbol_of
 from dtwin.twin.effects import NO_EFFECTS, Effects
 
@@ -122,6 +123,7 @@ class Belief:
         misfit: mean square of some innovations in standard deviations that the healthy arm does not pass.
         rates: rates at which parameters were seen to change while the arm was healthy, as shares, 1/s, by name;
             earlier and later ones.
+        courses: changes between which parameters lie while the healthy arm warms, as shares, by name.
 
     Raises:
         ParameterError: a shape or a number is wrong.
@@ -138,6 +140,7 @@ class Belief:
     tails: Mapping[str, Tail] = field(default_factory=dict)
     misfit: float = 2.0
     rates: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    courses: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         count = len(ARM_NAMES)
@@ -244,6 +247,7 @@ def commissioned(record: MachineRecord) -> Belief:
         tails={fault: Tail(tail.level, tail.rate, tail.excess) for fault, tail in known.tails.items()},
         misfit=known.misfit,
         rates=known.rates,
+        courses=courses(known.rates, known.duration),
     )
 
 
