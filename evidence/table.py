@@ -40,6 +40,9 @@ COMMANDS: Final[dict[str, Subcommand]] = {
     "experiment line-kills": Subcommand(
         "evidence.line.kills", "ExperimentLineKills", "end and freeze the processes that control a line; report"
     ),
+    "experiment line-outages": Subcommand(
+        "evidence.line.outages", "ExperimentLineOutages", "end, freeze and cut off the twins of a line; report"
+    ),
     "experiment ai": Subcommand(
         "evidence.ai.experiment",
         "ExperimentAi",
