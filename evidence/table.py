@@ -43,6 +43,9 @@ COMMANDS: Final[dict[str, Subcommand]] = {
     "experiment line-outages": Subcommand(
         "evidence.line.outages", "ExperimentLineOutages", "end, freeze and cut off the twins of a line; report"
     ),
+    "experiment line-scale": Subcommand(
+        "evidence.line.scale", "ExperimentLineScale", "run sixteen arms in real time over a router; report"
+    ),
     "experiment ai": Subcommand(
         "evidence.ai.experiment",
         "ExperimentAi",

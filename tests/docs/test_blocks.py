@@ -123,6 +123,8 @@ READ: Final = {
     "line release": LIVE,
     "line fault": LIVE,
     "experiment line": MINUTES,
+    "experiment line-outages": MINUTES,
+    "experiment line-scale": MINUTES,
     "experiment accuracy": MINUTES,
     "experiment real": "reads logs that are not here: tests/commands/test_other_arms.py draws some",
     "experiment clearance": MINUTES,
