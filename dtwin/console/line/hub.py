@@ -140,6 +140,8 @@ class LineHub(Hub):
             return ""
         since = "" if age is None else f" for {age:.0f} s"
         if not self._is_there():
+            if self.is_here(PLANT):
+                return "the twin of the line has gone; its plant goes on"
             return "the line has ended, or cannot be reached"
         return f"the line does not answer{since}: it is busy, or hangs"
 
