@@ -17,13 +17,16 @@ from dtwin.errors import ParameterError, choices
 from dtwin.line.file import line_of
 from dtwin.line.live.zone import OVERALL
 from dtwin.services import runfile
+from dtwin.services.chain.starting import ALARMS, AUDIT
+from dtwin.services.console import NAME as CONSOLE
 from dtwin.services.launch import signals
 from dtwin.services.line.plant import NAME as PLANT
 from dtwin.services.line.zone import service_of
 from dtwin.services.parts.launched import Launched
 from dtwin.services.runfile import LINE, SUPERVISOR, RunFile
-from dtwin.services.service import free_port
+from dtwin.services.service import free_port, held_port
 from dtwin.services.supervisor import Program, Supervisor
+from dtwin.view.viewer import LOOPBACK
 
 ROLE: Final = "line"
 """Name of the configuration file of all processes of a line."""
@@ -52,14 +55,17 @@ class LineOptions(Protocol):
     def zenoh(self) -> Path | None: ...
     @property
     def runtime(self) -> str | None: ...
+    @property
+    def console(self) -> bool: ...
 
 
-def programs(options: LineOptions, meet: str) -> list[Program]:
+def programs(options: LineOptions, meet: str, port: int = 0) -> list[Program]:
     """The processes of a line that run on this machine.
 
     Args:
         options: what they are told.
         meet: where peers of this machine meet.
+        port: port of the operators' console.
 
     Raises:
         DtwinError: there is no such line, or no such process.
@@ -83,7 +89,19 @@ def programs(options: LineOptions, meet: str) -> list[Program]:
     for name in options.host:
         if name not in names:
             raise ParameterError(f"--host: expected {choices(names)}, got {name!r}")
-    return [program for program in found if not options.host or program.name in options.host]
+    chosen = [program for program in found if not options.host or program.name in options.host]
+    return [*chosen, _console(options, meet, port)] if options.console else chosen
+
+
+def _console(options: LineOptions, meet: str, port: int) -> Program:
+    """The operators' console of a line, which keeps its files in the working directory as that of a cell does."""
+    words = ["--cell", options.name, "--arm", LINE, "--meet", meet, "--port", str(port)]
+    words += ["--audit", str(AUDIT.resolve()), "--alarms", str(ALARMS.resolve())]
+    if options.zenoh is not None:
+        file = options.zenoh.resolve()
+        own = file / f"{CONSOLE}.json5"
+        words += ["--zenoh", str(own if own.is_file() else file)]
+    return Program(CONSOLE, [sys.executable, "-m", f"dtwin.services.{CONSOLE}", *words])
 
 
 @contextmanager
@@ -94,16 +112,17 @@ def launched_line(options: LineOptions) -> Iterator[Launched]:
         DtwinError: an option cannot be used, or a line of that name is up.
     """
     meet = f"tcp/127.0.0.1:{free_port()}"
-    started = programs(options, meet)
     digits = os.environ.get(KEY)
     key = new_key() if digits is None else read_key(digits, KEY)
     zenoh = None if options.zenoh is None else options.zenoh.resolve()
-    with RunFile(options.name) as file:
+    with held_port() as port, RunFile(options.name) as file:
+        started = programs(options, meet, port)
+        address = f"http://{LOOPBACK}:{port}/" if options.console else ""
         session = open_peer(meet) if zenoh is None else open_configured(zenoh, SUPERVISOR, ROLE)
         with Bus(session, options.name, LINE, key) as bus:
             file.write_key(key)
             supervisor = Supervisor(bus, started, key)
-            up = runfile.Up(os.getpid(), LINE, meet, None if zenoh is None else str(zenoh), "")
+            up = runfile.Up(os.getpid(), LINE, meet, None if zenoh is None else str(zenoh), "", console=address)
             file.write(up)
             stop = threading.Event()
             with signals(lambda *_: stop.set()):

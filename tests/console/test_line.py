@@ -10,6 +10,7 @@ import msgspec
 import pytest
 
 from dtwin.bus.line.messages import SetUpRequest, StationWord, ZoneDeskRequest
+from dtwin.bus.line.plant import PlantWord
 from dtwin.console.line.conditions import conditions
 from dtwin.console.people.desk import TIME_OUT, ZoneDeskBook
 from dtwin.console.people.users import Users
@@ -17,7 +18,7 @@ from dtwin.console.telling import Health
 from dtwin.errors import ParameterError
 from dtwin.line.file import line_of
 from tests.support.console import Visitor
-from tests.support.made_up_line import ServedLine, serve_line, state_now
+from tests.support.made_up_line import FakeLine, ServedLine, serve_line, state_now
 from tests.support.waiting import until
 
 
@@ -173,6 +174,17 @@ def test_a_line_that_has_gone_is_told_and_its_alarm_stands(tmp_path: Path) -> No
         status, text = command(served.visitor(), "stop", station="a1")
         assert status == 409
         assert text
+
+
+def test_an_arm_is_stopped_by_the_plant_where_the_twin_of_the_line_has_gone(tmp_path: Path) -> None:
+    line = FakeLine(twin=False)
+    with serve_line(tmp_path, line=line) as served:
+        until(lambda: "its plant goes on" in served.console.hub.state().line.lost, "it is told")  # type: ignore[union-attr]
+        status, text = command(served.visitor(), "stop", station="a2", why="smoke")
+        assert status == 200
+        assert text == "the plant has stopped it, because the twin of the line does not answer"
+        assert line.asked == [PlantWord("a2", "failed", "somebody: smoke")]
+    line.bus.close()
 
 
 def test_alarms_come_and_go_and_are_acknowledged_from_the_desk_of_their_zone(served: ServedLine) -> None:

@@ -37,7 +37,7 @@ def test_a_line_is_started_with_its_console_and_both_end_together(
         assert (status, answer["text"]) == (200, "done")
         desk.run("down", "--cell", "small")
         assert runfile.find("small") is None
-        assert not desk.processes()
+        until(lambda: not desk.processes(), "its processes have ended")
     named = [json.loads(line)["command"] for line in (tmp_path / "console-audit.jsonl").read_text().splitlines()]
     assert named[-3:] == ["desk of one, occupy", "stop, given", "stop"]
 

@@ -25,6 +25,7 @@ from dtwin.bus.line.messages import (
     ZoneFlow,
     ZoneSeen,
 )
+from dtwin.bus.line.plant import PlantState, PlantWord
 from dtwin.bus.line.topics import (
     LINE_DECIDE,
     LINE_DESK,
@@ -34,6 +35,7 @@ from dtwin.bus.line.topics import (
     LINE_RELEASE,
     LINE_STATE,
     LINE_STOP,
+    PLANT_WORD,
     SET_UP,
 )
 from dtwin.bus.messages import SENSORS
@@ -106,6 +108,7 @@ class FakeLine:
         state: how it does.
         asked: what it was told.
         proposals: what waits, and what became of it.
+        twin: whether the twin of the line answers, and not the plant alone.
     """
 
     meet: str = field(default_factory=lambda: f"tcp/127.0.0.1:{free_port()}")
@@ -113,10 +116,15 @@ class FakeLine:
     state: LineState = field(default_factory=state_now)
     asked: list[Any] = field(default_factory=list)
     proposals: tuple[Proposal, ...] = ()
+    twin: bool = True
 
     def __post_init__(self) -> None:
         self.bus = Bus(open_peer(self.meet), "line", "line")
         answer, plan = self.bus.answer, plan_of(line_of("default"))
+        answer(PLANT_WORD, PlantWord, self._obey)
+        if not self.twin:
+            self.bus.announce("plant")
+            return
         self.desks = ZoneDeskBook(("a", "b"), self.clock)
         answer(LINE_STATE, LookRequest, None, lambda: self.state)
         answer(LINE_LOOK, LookRequest, None, lambda: LineLook(self.state.version, self.proposals))
@@ -179,6 +187,11 @@ class FakeLine:
             return self.state
 
         return act
+
+    def _obey(self, word: PlantWord) -> PlantState:
+        """What the plant does by itself."""
+        self.asked.append(word)
+        return PlantState(0.0, 0, {}, 0, 0, 0, 0, 0, 0.0, (), ())
 
     def _set_up(self, request: SetUpRequest) -> SetUpDone:
         effect = self.effect(request.set_up)

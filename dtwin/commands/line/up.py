@@ -63,6 +63,8 @@ class LineUp(RuntimeOption):
     host: tuple[str, ...] = ()
     """A process that runs on this machine: plant, overall, or zone-NAME; repeatable, all if not given. The machines
     of a line need --zenoh and the same key in DTWIN_KEY."""
+    console: bool = False
+    """Start the operators' console too: a web page of the line on this machine, whose address is printed."""
     history: Path = HISTORY
     """File that every decision is appended to; the proposals lie beside it."""
     zenoh: Path | None = None
@@ -77,12 +79,15 @@ class LineUp(RuntimeOption):
             raise ParameterError(f"--duration: expected 1 to {LONGEST:g} s, got {self.duration:g}")
         for text in self.fault:
             fault_of(text)
-        if self.pace == "lockstep" and (self.served or self.host):
-            raise ParameterError("--pace lockstep: expected no --served and no --host, since all is in one process")
+        if self.pace == "lockstep" and (self.served or self.host or self.console):
+            apart = "expected no --served, --host or --console, since all is in one process"
+            raise ParameterError(f"--pace lockstep: {apart}")
         if self.detach:
             line_of(self.line)
-            detached(self.name, "line")
+            up = detached(self.name, "line")
             print(f"line {self.name!r} is up: see it with `dtwin line status`, stop it with `dtwin down --cell NAME`")
+            if up.console:
+                print(_at(up.console))
             return 0
         if self.pace == "realtime":
             state = self._processes()
@@ -102,6 +107,8 @@ class LineUp(RuntimeOption):
         display = Display() if self.json else Lines()
         with launched_line(self) as line:
             line.await_ready(display.show)
+            if line.up.console:
+                display.tell(_at(line.up.console))
             while not (line.over or line.stop.wait(LOOK)):
                 display.show(line.supervisor.summary())
             overall = not self.host or "overall" in self.host
@@ -136,3 +143,7 @@ class LineUp(RuntimeOption):
                 live.run(False, lambda: service.stopping, report)
                 live.between.serve()
             return live.state()
+
+
+def _at(address: str) -> str:
+    return f"its operators' console is at {address}"

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Final
 
 import msgspec
 
-from dtwin.bus.line.messages import FlowEffect, LineState, SetUpDone
+from dtwin.bus.line.messages import FlowEffect, LineState, SetUpDone, StationWord
+from dtwin.bus.line.plant import PlantState, PlantWord
+from dtwin.bus.line.topics import LINE_STOP, PLANT_WORD
 from dtwin.bus.proposals.deciding import LINE_DOORS, decide
 from dtwin.bus.proposals.messages import ProposalDecision
 from dtwin.console.annunciator import Treatment
@@ -19,7 +21,10 @@ from dtwin.console.line.hub import LineHub
 from dtwin.console.people.sessions import Session
 from dtwin.console.people.users import may
 from dtwin.console.telling import CellState
-from dtwin.errors import ParameterError, RecordingError, choices
+from dtwin.errors import ParameterError, RecordingError, UnansweredError, choices
+
+STOP_PATIENCE: Final = 3.0
+"""Longest wait for an answer to a stop before the other way is taken, s."""
 
 
 class LineConsole(Console):
@@ -95,9 +100,24 @@ class LineConsole(Console):
         if isinstance(message, ProposalDecision):
             decided = decide(self._bus, message, LINE_DOORS, self.hub.kept)
             return Answer(True, f"proposal {decided.number} is {decided.state}; {decided.outcome}".removesuffix("; "))
+        if command.topic is LINE_STOP and isinstance(message, StationWord):
+            return self._stop(message)
         assert command.topic.reply is not None
         reply: Any = self._bus.ask(command.topic, message, command.topic.reply)
         return Answer(True, _words(reply), None if isinstance(reply, LineState) else msgspec.to_builtins(reply))
+
+    def _stop(self, word: StationWord) -> Answer:
+        """Stops an arm: the twin of the line does, or, when it does not answer, the plant itself."""
+        try:
+            self._bus.ask(LINE_STOP, word, LineState, STOP_PATIENCE)
+        except UnansweredError as error:
+            try:
+                stop = PlantWord(word.station, "failed", f"{word.who}: {word.why}"[:1000])
+                self._bus.ask(PLANT_WORD, stop, PlantState, STOP_PATIENCE)
+            except UnansweredError:
+                raise error from None
+            return Answer(True, "the plant has stopped it, because the twin of the line does not answer")
+        return Answer(True, "done")
 
 
 def _words(reply: Any) -> str:

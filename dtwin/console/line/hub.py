@@ -35,6 +35,8 @@ ASKING_UNREAD: Final = 1.0
 """The same while none is, s: alarms need no more."""
 PATIENCE: Final = 5.0
 """Longest wait for one answer, s: between two cycles the line may take seconds to look at an arm."""
+SUPERVISOR_PATIENCE: Final = 0.5
+"""Longest wait for the supervisor, s."""
 TREND_EVERY: Final = 5.0
 """Plant time between two values of the trend, s."""
 TREND: Final = 720
@@ -151,7 +153,7 @@ class LineHub(Hub):
             if state is not None:
                 self._take_state(state)
             if self.is_here(PLANT):
-                self._ask(SUMMARY, Summary)
+                self._ask_summary()
             self.desks.look(self._is_there())
             if state is not None:
                 self._ask(LINE_LOOK, LineLook)
@@ -171,6 +173,13 @@ class LineHub(Hub):
         if state.time - (self._trend[-1][0] if self._trend else -math.inf) >= TREND_EVERY:
             self._trend.append((round(state.time, 1), round(state.rate, 1)))
         self._state, self._heard = state, (self._clocks.steady(), self._clocks.wall())
+
+    def _ask_summary(self) -> None:
+        """Asks how the processes do; that nobody answers must not make what is known of the line old."""
+        try:
+            self._last[Summary] = self._bus.ask(SUMMARY, None, Summary, SUPERVISOR_PATIENCE)
+        except CommunicationError:
+            self._last.pop(Summary, None)
 
     def _ask_expected(self, state: LineState) -> None:
         """Asks what the twins expect, once for each set-up and what the arms can still do."""
