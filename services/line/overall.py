@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from dataclasses import dataclass
@@ -15,6 +16,7 @@ from dtwin.line.live.zone import OVERALL
 from dtwin.line.twins.decisions import Decision, Mode
 from dtwin.line_file import LineFile
 from dtwin.services.service import Link, Service, main
+from dtwin.services.supervisor import PREPARED
 from dtwin.simulation.proposals.book import Book
 
 HISTORY: Final = Path("line-history.jsonl")
@@ -37,6 +39,8 @@ class Options(Link):
         history = LineFile(self.history, Decision, "a decision of the line")
         with Service(OVERALL, self) as service:
             twin = LiveOverall(line, self.twins, service.bus, book, history, time.monotonic)
+            if PREPARED in os.environ:  # the supervisor starts it again
+                twin.resume()
             keep_zone_desks(service.bus, [zone.name for zone in line.zones])
             service.doing = "waits for the plant and the twins of the zones"
             while not (twin.present or service.stopping):

@@ -123,10 +123,12 @@ class Parts:
             yield
 
     @contextmanager
-    def with_overall(self) -> Iterator[None]:
+    def with_overall(self, again: bool = False) -> Iterator[None]:
         bus = self.session()
         history = LineFile(self.history, Decision, "a decision of the line")
         twin = LiveOverall(self.line, "act", bus, Book(self.book), history, time.monotonic)
+        if again:
+            twin.resume()
         bus.announce(OVERALL)
         with self.working(twin.look, bus):
             until(lambda: twin.present, "the plant and the zone are heard")
@@ -179,8 +181,11 @@ def test_a_zone_goes_on_by_itself_and_agrees_with_the_twin_of_the_line_afterward
             until(lambda: parts.state().version == 1, "the twin of the line sees the set-up")
             assert parts.state().set_up == {"glue": "left", "press": "left"}
             until(lambda: any(decision.what == "set-up" for decision in parts.decisions()), "it hears who decided")
+        with parts.with_overall(again=True):
+            until(lambda: parts.state().version == 1, "another process takes over")
+            assert "set-up" in [decision.what for decision in parts.state().decisions]
     acted = [decision for decision in parts.decisions() if decision.what == "set-up"]
-    assert [decision.who for decision in acted] == ["twin of one"]
+    assert [decision.who for decision in acted] == ["twin of one"], "nothing is written twice"
     assert "the twin of the line does not answer" in acted[0].why
 
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import logging
+from collections import deque
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Final
 
-from dtwin.bus.line.messages import LineState
+from dtwin.bus.line.messages import LineDecision, LineState
 from dtwin.bus.line.plant import FlowAnswer, FlowQuestion, PlantSetUp, PlantState, PlantWord, ZoneState
 from dtwin.bus.line.topics import PLANT_SET_UP, PLANT_STATE, PLANT_WORD, ZONE_FLOW, ZONE_STATE
 from dtwin.bus.session import Bus
@@ -31,6 +32,8 @@ HEARD: Final = 10.0
 """Time without a word after which a zone counts as absent, s; its twin is busy for some when it looks back."""
 _ANSWER: Final = 20.0
 """Longest wait for what a zone lets through, s."""
+_RESUMED: Final = 200
+"""Number of decisions that a process which begins anew takes up."""
 _RETRY: Final = 1.0
 """Time after which it is tried again to do what could not be done, s."""
 _LOOK: Final = 0.1
@@ -171,6 +174,11 @@ class LiveOverall:
         """Whether the plant and all zones have told something."""
         return self._plant is not None and all(zone.present for zone in self._zones)
 
+    def resume(self) -> None:
+        """Takes up what an earlier process has written about the same run, which the zones still tell."""
+        self._decisions = list(deque(self._history.entries(), maxlen=_RESUMED))
+        self._heard = {_name_of(decision) for decision in self._decisions}
+
     def prepare(self) -> None:
         """Lets the zones find out, at the same time, what every way to share the work out brings."""
         with ThreadPoolExecutor(len(self._zones)) as pool:
@@ -201,9 +209,8 @@ class LiveOverall:
     def _look_at(self, zone: DistantZone) -> None:
         """What has been decided in a zone, what its arms can do otherwise than before, and whether it answers."""
         for each in () if zone.state is None else zone.state.decisions:
-            key = (each.time, each.who, each.what, each.station)
-            if key not in self._heard:
-                self._heard.add(key)
+            if (name := _name_of(each)) not in self._heard:
+                self._heard.add(name)
                 self._note(Decision(each.time, each.who, each.what, each.why, each.station, {}, each.rate))
         if zone.missed and zone.name not in self._lost:
             self._lost.add(zone.name)
@@ -290,6 +297,11 @@ class LiveOverall:
 
     def _propose(self, choice: Choice, why: str) -> None:
         self._answers.lay(choice, why)
+
+
+def _name_of(decision: Decision | LineDecision) -> tuple[float, str, str, str]:
+    """By what a decision is known again."""
+    return decision.time, decision.who, decision.what, decision.station
 
 
 def _key(assignment: Assignment) -> tuple[tuple[str, str], ...]:
