@@ -36,6 +36,10 @@ NEAR: Final = 0.03
 """Share by which throughput may differ from what was predicted, over LONG at least."""
 LONG: Final = 1800.0
 """Time over which throughput counts, s, from which on single boxes no longer decide what it is."""
+STILL: Final = 1e-5
+"""Change of the path within a tick up to which an arm stands, rad."""
+SOON: Final = 10.0
+"""Time in which work is to be shared out otherwise after a fault, s."""
 STANDING: Final = 90.0
 """Time without a box that leaves, after which a line counts as standing, s."""
 
@@ -74,6 +78,8 @@ class LineOutcome:
             fault.
         predicted: boxes an hour that its twins predict of the assignment that it has at the end.
         noticed: time from the fault to the set-up that answers it, s; None if there was none.
+        moves: time from the fault to the first motion that the arm is commanded, s, before which nobody can see it
+            if the arm only stands; None if there was none.
         lost, collisions: boxes that were lost, and touches of vehicles.
         stood: whether no box left for STANDING at the end.
     """
@@ -83,6 +89,7 @@ class LineOutcome:
     best: float
     predicted: float
     noticed: float | None
+    moves: float | None
     lost: int
     collisions: int
     stood: bool
@@ -135,10 +142,19 @@ def tried(trial: LineTrial) -> LineOutcome:
         best_rate(line, trial.station, horizon) if trial.station else 0.0,
         predicted(line, work_times(line), run.work.assignment, horizon),
         answers[0] if answers else None,
+        _moves(run, trial) if trial.station else None,
         run.plant.lost,
         run.plant.collisions,
         not left or run.time - left[-1] > STANDING,
     )
+
+
+def _moves(run: LineRun, trial: LineTrial) -> float | None:
+    """Time from a fault to the first change of the path of its arm, s."""
+    log = run.emulated[trial.station].log.freeze()
+    times, target = log.columns["t"][1:], log.stack("target")
+    moving = (np.abs(np.diff(target, axis=0)).max(axis=1) > STILL) & (times >= trial.begins)
+    return float(times[moving][0] - trial.begins) if moving.any() else None
 
 
 def best_rate(line: Line, without: str, horizon: float) -> float:
@@ -197,12 +213,20 @@ def kept_promises(outcomes: Sequence[LineOutcome]) -> bool:
     return True
 
 
+def soon(outcomes: Sequence[LineOutcome], moving: bool) -> int:
+    """Number of faults that were answered within SOON: of the first motion of the arm, or of the fault itself."""
+    answered = [each for each in outcomes if each.trial.station and each.trial.twins and each.noticed is not None]
+    since = [(each.moves or 0.0) if moving else 0.0 for each in answered]
+    return sum((each.noticed or 0.0) - begin <= SOON for each, begin in zip(answered, since, strict=True))
+
+
 def faults_report(outcomes: Sequence[LineOutcome]) -> Report:
     """The page."""
     header = [
         "station",
         "fault",
         "twins",
+        "moves after s",
         "set up after s",
         "boxes/h",
         "best boxes/h",
@@ -219,6 +243,7 @@ def faults_report(outcomes: Sequence[LineOutcome]) -> Report:
                 trial.station or "-",
                 f"{trial.fault}@{trial.begins:g}" if trial.station else "none",
                 "act" if trial.twins else "off",
+                "-" if outcome.moves is None else f"{outcome.moves:.1f}",
                 "-" if outcome.noticed is None else f"{outcome.noticed:.1f}",
                 f"{outcome.rate:.1f}",
                 f"{outcome.best:.1f}" if outcome.best else "-",
@@ -228,10 +253,13 @@ def faults_report(outcomes: Sequence[LineOutcome]) -> Report:
                 str(outcome.collisions),
             ]
         )
+    failed = sum(bool(outcome.trial.station and outcome.trial.twins) for outcome in outcomes)
     words = (
         f"Throughput counts from {SETTLING:g} s after a fault on, from {EARLIEST:g} s on without one. The best is the"
         " largest of all ways to share the operations out among the stations that are left, each simulated;"
         " predicted is what the twins expect of the assignment that the line has."
+        f" {soon(outcomes, True)} of {failed} faults were answered within {SOON:g} s of the first motion after them,"
+        f" {soon(outcomes, False)} within {SOON:g} s of the fault itself: while the arm stands, most cannot be seen."
     )
     return page("A line whose arms fail", words, table(header, rows))
 
@@ -273,7 +301,11 @@ class ExperimentLine(SeriesCommand[list[LineOutcome]]):
         return faults_report(result)
 
     def figures(self, result: list[LineOutcome]) -> dict[str, Any]:
-        return {"trials": msgspec.to_builtins(result)}
+        return {
+            "answered_soon": soon(result, False),
+            "answered_soon_after_motion": soon(result, True),
+            "trials": msgspec.to_builtins(result),
+        }
 
     def passed(self, result: list[LineOutcome]) -> bool:
         return kept_promises(result)

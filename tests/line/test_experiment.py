@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import pytest
 
-from evidence.line.faults import LineOutcome, LineTrial, faults_report, kept_promises
+from evidence.line.faults import LineOutcome, LineTrial, faults_report, kept_promises, soon
 
 FAILED = LineOutcome(
-    LineTrial("default", 0, "a2", "K2*=0.1", 100.0, 2000.0, True), 96.0, 100.0, 97.0, 0.5, 0, 0, False
+    LineTrial("default", 0, "a2", "K2*=0.1", 100.0, 2000.0, True), 96.0, 100.0, 97.0, 0.5, 0.0, 0, 0, False
 )
 """A run with a fault after which the line is as fast as is asked."""
-HEALTHY = LineOutcome(LineTrial("default", 0, "", "", 0.0, 2000.0, True), 97.5, 120.0, 100.0, None, 0, 0, False)
+HEALTHY = LineOutcome(LineTrial("default", 0, "", "", 0.0, 2000.0, True), 97.5, 120.0, 100.0, None, None, 0, 0, False)
 """A run without one that is as was predicted, though another assignment would be faster."""
 
 
@@ -44,3 +44,9 @@ def test_the_page_has_the_best_and_what_was_predicted() -> None:
     assert "96.0" in text
     assert "81.2 %" in text
     assert "100.0" in text
+
+
+def test_an_answer_counts_from_the_fault_or_from_the_first_motion_after_it() -> None:
+    late = replace(FAILED, noticed=15.0, moves=12.0)
+    never = replace(FAILED, noticed=None, moves=12.0)
+    assert [soon([FAILED, late, never, HEALTHY], moving) for moving in (False, True)] == [1, 2]
