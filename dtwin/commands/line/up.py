@@ -85,7 +85,8 @@ class LineUp(RuntimeOption):
         if self.detach:
             line_of(self.line)
             up = detached(self.name, "line")
-            print(f"line {self.name!r} is up: see it with `dtwin line status`, stop it with `dtwin down --cell NAME`")
+            down = f"dtwin down --cell {self.name}"
+            print(f"line {self.name!r} is up: see it with `dtwin line status`, stop it with `{down}`")
             if up.console:
                 print(_at(up.console))
             return 0

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 from dtwin.bus.messages import SUMMARY, Summary
 from dtwin.errors import CommunicationError
 from dtwin.services import runfile
-from dtwin.services.runfile import join
+from dtwin.services.runfile import LINE, join
 from dtwin.terminal import as_text, folding, print_json, printable
 
 if TYPE_CHECKING:
@@ -39,8 +39,10 @@ class StatusCommand:
         else:
             console = Console()
             console.print(table(summary))
-            where = runfile.require(self.cell).controller or "the function blocks run in the bridge"
-            console.print(as_text(f"controller: {where}"), soft_wrap=True)
+            up = runfile.require(self.cell)
+            where = up.controller or "the function blocks run in the bridge"
+            said = f"controller: {where}" if up.arm != LINE else "how the line does tells `dtwin line status`"
+            console.print(as_text(said), soft_wrap=True)
         return 0
 
 
