@@ -97,7 +97,7 @@ class ZoneFlow(msgspec.Struct, frozen=True):
 
     Attributes:
         zone: its name.
-        rate: boxes that it lets through in an hour with a set-up, 0 where it has nothing to do.
+        rate: boxes that it lets through in an hour with a set-up, 0 where it has nothing to do, or cannot.
         rate_now: the same with the set-up in force.
     """
 

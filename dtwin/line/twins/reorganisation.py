@@ -187,9 +187,17 @@ class Reorganisation:
         return True
 
     def _flows(self, assignment: Assignment) -> list[float]:
-        """Boxes an hour that each zone lets through with a set-up; 0 for one that has nothing to do."""
+        """Boxes an hour that each zone lets through with a set-up; 0 for one that has nothing to do, or cannot."""
         shares = [{n: s for n, s in assignment.items() if s in zone.stations} for zone in self._zones]
-        return [zone.rate(share) if share else 0.0 for zone, share in zip(self._zones, shares, strict=True)]
+        return [
+            zone.rate(share) if share and self._able(zone, share) else 0.0
+            for zone, share in zip(self._zones, shares, strict=True)
+        ]
+
+    def _able(self, zone: Zone, share: Assignment) -> bool:
+        """Whether the arms of a zone can do its share of the operations now."""
+        places = {operation.name: operation.place for operation in self._line.operations}
+        return all(places[name] in zone.capability(station).places for name, station in share.items())
 
     def _whole(self, flows: list[float]) -> float:
         return min([3600.0 / self._line.source.every, *(flow for flow in flows if flow)])
