@@ -52,6 +52,8 @@ class LineOptions(Protocol):
     @property
     def history(self) -> Path: ...
     @property
+    def out(self) -> Path | None: ...
+    @property
     def zenoh(self) -> Path | None: ...
     @property
     def runtime(self) -> str | None: ...
@@ -80,6 +82,7 @@ def programs(options: LineOptions, meet: str, port: int = 0) -> list[Program]:
     plant += [] if options.runtime is None else ["--runtime", options.runtime]
     plant += [] if options.duration is None else ["--duration", str(options.duration)]
     plant += ["--served"] if options.served else []
+    plant += [] if options.out is None else ["--out", str(options.out.resolve())]
     plant += [word for text in options.fault for word in ("--fault", text)]
     twins = [*link, "--twins", options.twins]
     found = [_service("plant", PLANT, plant, leading=True)]

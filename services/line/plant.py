@@ -7,6 +7,7 @@ import sys
 import time
 from contextlib import ExitStack
 from dataclasses import dataclass
+from pathlib import Path
 
 from dtwin.controller.ports import BLOCKS
 from dtwin.controller.runtime import RuntimeOption, chosen
@@ -14,6 +15,8 @@ from dtwin.line.control import Served
 from dtwin.line.file import DEFAULT_NAME, line_of
 from dtwin.line.floor import Floor
 from dtwin.line.live.plant import LivePlant
+from dtwin.line.live.seen import RECENT
+from dtwin.line.records.keeper import Keeper
 from dtwin.line.run import fault_of
 from dtwin.line.system import system
 from dtwin.services.service import Link, Service, main
@@ -35,6 +38,9 @@ class Options(RuntimeOption, Link):
     served: bool = False
     """The blocks run elsewhere, at the addresses of the line's system."""
 
+    out: Path | None = None
+    """Folder in which it is kept how the line goes."""
+
     def run(self) -> int:
         line = line_of(self.line)
         faults = tuple(map(fault_of, self.fault))
@@ -42,11 +48,18 @@ class Options(RuntimeOption, Link):
             blocks = None
             if self.served:
                 blocks = stack.enter_context(Served(line, Library([BLOCKS]).complete(system(line))))
-            plant = LivePlant(Floor(line, blocks=blocks), faults, service.bus, time.monotonic)
+            floor = Floor(line, blocks=blocks)
+            keeper = None if self.out is None else Keeper(floor, self.out)
+            memory = RECENT if keeper is None else math.inf
+            plant = LivePlant(floor, faults, service.bus, time.monotonic, memory)
+            if keeper is not None:
+                stack.callback(keeper.write)
             service.ready()
             began = time.monotonic()
 
             def report() -> None:
+                if keeper is not None:
+                    keeper.look()
                 if service.report_due():
                     passed = max(time.monotonic() - began, 1e-3)
                     late, factor = plant.pace.late, round(plant.time / passed, 3)

@@ -28,6 +28,9 @@ from dtwin.line.live import overall
 from dtwin.line.live.overall import LiveOverall
 from dtwin.line.live.plant import LivePlant
 from dtwin.line.live.zone import OVERALL, LiveZone
+from dtwin.line.records.keeper import Keeper
+from dtwin.line.records.kept import COURSE, prepare, read
+from dtwin.line.records.tables import ask
 from dtwin.line.twins import node, zone
 from dtwin.line.twins.decisions import Decision
 from dtwin.line_file import LineFile
@@ -220,3 +223,24 @@ def test_an_arm_of_a_line_is_seen_like_that_of_a_cell(parts: Parts) -> None:
     assert numbers == sorted(set(numbers))
     assert all(abs(sample.time - 0.01 * sample.sequence) < 1e-9 for sample in seen)
     assert {path.sequence for path in paths} & set(numbers)
+
+
+def test_a_plant_keeps_how_it_goes_and_one_that_begins_anew_writes_over_nothing(parts: Parts, tmp_path: Path) -> None:
+    folder = tmp_path / "kept"
+    history = LineFile(prepare(folder), Decision, "a decision of the line")
+    history.append(Decision(1.0, "ada", "stop", "it smokes", "left"))
+    floor = Floor(parts.line)
+    keeper = Keeper(floor, folder)
+    for _ in range(600):
+        floor.step()
+        floor.record()
+    keeper.look()
+    assert not (folder / COURSE).exists(), "it is not due yet"
+    keeper.write()
+    found = read(folder)
+    assert (found.duration, len(found.samples), [each.who for each in found.decisions]) == (60.0, 600, ["ada"])
+    assert ask("select count(*) from events where kind = 'entered'", [folder]).rows == [(found.entered,)]
+    again = Keeper(Floor(parts.line), folder)
+    again.write()
+    assert again.folder == folder / "again-1"
+    assert read(folder) == found

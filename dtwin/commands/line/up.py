@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, Literal
 
@@ -21,6 +21,8 @@ from dtwin.controller.runtime import RuntimeOption, chosen
 from dtwin.errors import ParameterError
 from dtwin.line.file import DEFAULT_NAME, line_of
 from dtwin.line.live.serving import LiveLine
+from dtwin.line.records.kept import kept, prepare, write
+from dtwin.line.records.tables import write_tables
 from dtwin.line.run import LineRun, LineSettings, fault_of
 from dtwin.line.twins.decisions import Mode
 from dtwin.services import runfile
@@ -65,6 +67,9 @@ class LineUp(RuntimeOption):
     of a line need --zenoh and the same key in DTWIN_KEY."""
     console: bool = False
     """Start the operators' console too: a web page of the line on this machine, whose address is printed."""
+    out: Path | None = None
+    """New folder in which it is kept how the line goes, every five minutes and at its end, for `dtwin line report`
+    and `dtwin line query`; the history lies in it, too."""
     history: Path = HISTORY
     """File that every decision is appended to; the proposals lie beside it."""
     zenoh: Path | None = None
@@ -90,11 +95,12 @@ class LineUp(RuntimeOption):
             if up.console:
                 print(_at(up.console))
             return 0
+        own = self if self.out is None else replace(self, history=prepare(self.out))
         if self.pace == "realtime":
-            state = self._processes()
+            state = own._processes()
         else:
             with chosen(self.runtime):
-                state = self._lockstep()
+                state = own._lockstep()
         if state is None:
             return 0
         if self.json:
@@ -141,8 +147,13 @@ class LineUp(RuntimeOption):
                     if service.report_due():
                         service.report("running", round(10 * run.time), time=run.time, late_ticks=late)
 
-                live.run(False, lambda: service.stopping, report)
-                live.between.serve()
+                try:
+                    live.run(False, lambda: service.stopping, report)
+                    live.between.serve()
+                finally:
+                    if self.out is not None:
+                        write(run, self.out)
+                        write_tables(kept(run), self.out)
             return live.state()
 
 

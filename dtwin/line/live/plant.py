@@ -39,6 +39,7 @@ class LivePlant:
         faults: faults of stations' arms, by the names of the stations.
         bus: session of the line.
         clock: gives a time that only grows, s.
+        memory: time for which it is remembered what has happened, s.
 
     Attributes:
         messages: number of messages that were published of the arms.
@@ -48,8 +49,15 @@ class LivePlant:
         DtwinError: a fault cannot be, or the blocks do not take the set-up of the line.
     """
 
-    def __init__(self, floor: Floor, faults: Sequence[tuple[str, str]], bus: Bus, clock: Callable[[], float]) -> None:
-        self._floor = floor
+    def __init__(
+        self,
+        floor: Floor,
+        faults: Sequence[tuple[str, str]],
+        bus: Bus,
+        clock: Callable[[], float],
+        memory: float = RECENT,
+    ) -> None:
+        self._floor, self._memory = floor, memory
         self._between = Between(clock, _PATIENCE)
         self.pace = Pace(clock)
         self._version = 0
@@ -105,7 +113,7 @@ class LivePlant:
             return
         if self._cycles % _RECORDED == 0:
             floor.record()
-            floor.forget(floor.time - RECENT)
+            floor.forget(floor.time - self._memory)
         for name in floor.due_repairs():
             self._release(name, REPAIRED)
         self._tell(self._state())

@@ -6,6 +6,7 @@ log of a station; RUN/tables what happened, as tables for SQL.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
@@ -13,8 +14,9 @@ import msgspec
 
 from dtwin.errors import RecordingError
 from dtwin.files import reason_of, replacing
+from dtwin.line.floor import Floor, Sample
 from dtwin.line.plant import LineEvent
-from dtwin.line.run import LineRun, Sample
+from dtwin.line.run import LineRun
 from dtwin.line.twins.decisions import Decision
 
 COURSE: Final = "course.json"
@@ -52,20 +54,25 @@ class Kept(msgspec.Struct, frozen=True):
 
 def kept(run: LineRun) -> Kept:
     """How a run went so far."""
-    plant, course = run.plant, run.course
+    return kept_of(run.floor, run.course.decisions)
+
+
+def kept_of(floor: Floor, decisions: Iterable[Decision]) -> Kept:
+    """How a line has gone so far, as far as its floor has not forgotten it, and what was decided."""
+    plant = floor.plant
     return Kept(
-        run.line.name,
+        floor.line.name,
         tuple(plant.stations),
         tuple(plant.vehicles),
-        tuple(operation.name for operation in run.line.operations),
-        run.time,
+        tuple(operation.name for operation in floor.line.operations),
+        floor.time,
         len(plant.boxes),
         plant.lost,
         plant.collisions,
         tuple(time for _, time in plant.left),
-        tuple(course.events),
-        tuple(course.decisions),
-        tuple(course.samples),
+        tuple(floor.events),
+        tuple(decisions),
+        tuple(floor.samples),
     )
 
 
@@ -90,10 +97,19 @@ def write(run: LineRun, folder: Path) -> None:
     Raises:
         RecordingError: the folder cannot be written.
     """
-    with replacing(folder / COURSE) as temporary:
-        temporary.write_bytes(msgspec.json.encode(kept(run)) + b"\n")
+    write_course(kept(run), folder)
     for name, station in run.emulated.items():
         station.log.freeze().write_parquet(folder / f"{name}.parquet")
+
+
+def write_course(found: Kept, folder: Path) -> None:
+    """Writes how a run went.
+
+    Raises:
+        RecordingError: the folder cannot be written.
+    """
+    with replacing(folder / COURSE) as temporary:
+        temporary.write_bytes(msgspec.json.encode(found) + b"\n")
 
 
 def read(folder: Path) -> Kept:
