@@ -43,8 +43,8 @@ class ArmPublisher:
         self._path, self._ticks = bus.publisher(PATH), bus.publisher(TICKS)
         self._truth, self._event = bus.publisher(TRUTH), bus.publisher(EVENTS)
 
-    def publish(self, events: Sequence[Event]) -> int:
-        """Publishes the new ticks, and events; the number of messages."""
+    def publish(self, events: Sequence[Event]) -> None:
+        """Publishes the new ticks, and events."""
         log, first = self._log, self._log.forgotten
         new = log.since(first)
         log.forget(len(log))
@@ -56,7 +56,7 @@ class ArmPublisher:
             *(new.stack("omega").tolist(), columns["payload_mass"].tolist()),
             strict=True,
         )
-        passed, sent = [], len(events)
+        passed = []
         wanted = [out.wanted for out in (self._sensors, self._voltages, self._path, self._truth)]
         for number, row in enumerate(rows, first):
             time, measured, gripper, present, colour, volts, gripped, target, theta, omega, mass = row
@@ -70,13 +70,10 @@ class ArmPublisher:
             if wanted[2]:
                 self._path(Path(number, time, tuple(target)))
             passed.append(PassedTick(sample, Acted(number, time, tuple(volts), gripped)))
-        sent += sum(wanted) * len(passed)
         for start in range(0, len(passed), TOGETHER):
             self._ticks(PassedTicks(tuple(passed[start : start + TOGETHER])))
-            sent += 1
         for event in events:
             self._event(event)
-        return sent
 
 
 class ArmFollower:

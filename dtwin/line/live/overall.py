@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import threading
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -13,7 +14,7 @@ from dtwin.bus.line.plant import FlowAnswer, FlowQuestion, PlantSetUp, PlantStat
 from dtwin.bus.line.topics import PLANT_SET_UP, PLANT_STATE, PLANT_WORD, ZONE_FLOW, ZONE_STATE
 from dtwin.bus.session import Bus
 from dtwin.bus.topics.topic import CHECKED
-from dtwin.errors import CommunicationError, ParameterError, UnansweredError, choices
+from dtwin.errors import CommunicationError, DtwinError, ParameterError, UnansweredError, choices
 from dtwin.line.line import Assignment, Line
 from dtwin.line.live.between import Between
 from dtwin.line.live.seen import line_state
@@ -36,6 +37,8 @@ _RESUMED: Final = 200
 """Number of decisions that a process which begins anew takes up."""
 _RETRY: Final = 1.0
 """Time after which it is tried again to do what could not be done, s."""
+_ON_ITS_WAY: Final = 2.0
+"""Longest time for which a state of the plant is on its way, s; one that is older is that of a plant begun anew."""
 _LOOK: Final = 0.1
 """Time from one look at what has come to the next, s."""
 
@@ -160,6 +163,7 @@ class LiveOverall:
         self._absence = Absence(self._note)
         self._lost: set[str] = set()
         self._plant: PlantState | None = None
+        self._holding = threading.Lock()
         self.work = Reorganisation(line, mode, self._zones, Doors(self._tell, self._now, self._note, self._propose))
         self._answers = Answers(line, self, book, bus, self._between)
         bus.subscribe(PLANT_STATE, PlantState, self._hold)
@@ -287,13 +291,23 @@ class LiveOverall:
         return self.time
 
     def _hold(self, state: PlantState) -> None:
-        self._plant = state
-        for zone in self._zones:
-            zone.plant = state
+        """Takes a state of the plant, unless a newer one was the answer to a question while it was on its way."""
+        with self._holding:
+            held = self._plant
+            older = held is not None and (state.time, state.version) < (held.time, held.version)
+            if older and held is not None and held.time - state.time < _ON_ITS_WAY:
+                return
+            self._plant = state
+            for zone in self._zones:
+                zone.plant = state
 
     def _note(self, decision: Decision) -> None:
+        """Keeps a decision; a disk that is full does not end the twin."""
         self._decisions.append(decision)
-        self._history.append(decision)
+        try:
+            self._history.append(decision)
+        except DtwinError as error:
+            log.error("a decision is not in the history: %s", error)
 
     def _propose(self, choice: Choice, why: str) -> None:
         self._answers.lay(choice, why)

@@ -42,7 +42,6 @@ class LivePlant:
         memory: time for which it is remembered what has happened, s.
 
     Attributes:
-        messages: number of messages that were published of the arms.
         pace: when cycles are due, and how many were late.
 
     Raises:
@@ -63,7 +62,7 @@ class LivePlant:
         self._version = 0
         self._assignment: Assignment = dict(floor.line.assignment)
         self._why: dict[str, str] = {}
-        self._cycles = self.messages = 0
+        self._cycles = 0
         for name, text in faults:
             floor.inject(name, text, math.inf)
         floor.control.set_up(self._assignment)
@@ -108,7 +107,7 @@ class LivePlant:
         floor.step()
         self._cycles += 1
         for name, arm in self._arms.items():
-            self.messages += arm.publish(floor.plant.stations[name].report.events)
+            arm.publish(floor.plant.stations[name].report.events)
         if self._cycles % _TOLD:
             return
         if self._cycles % _RECORDED == 0:
@@ -117,7 +116,6 @@ class LivePlant:
         for name in floor.due_repairs():
             self._release(name, REPAIRED)
         self._tell(self._state())
-        self.messages += 1
 
     def _state(self) -> PlantState:
         return plant_state(self._floor, self._version, self._assignment, self._why, self.pace.late)

@@ -54,7 +54,7 @@ class LiveZone:
     """
 
     def __init__(self, line: Line, number: int, mode: Mode, bus: Bus, put: Callable[[Any], None]) -> None:
-        self._line, self._mode, self._bus = line, mode, bus
+        self._mode, self._bus = mode, bus
         zone = line.zones[number]
         nodes = {s.name: NodeTwin(s, line.source.lightest, line.source.heaviest) for s in zone.stations}
         self._twin = ZoneTwin(line, number, nodes)
@@ -62,6 +62,7 @@ class LiveZone:
         self._decisions: deque[Decision] = deque(maxlen=TOLD)
         self._plant: PlantState | None = None
         self._seen_stopped: set[str] = set()
+        self._demanded: dict[str, PlantWord] = {}
         self._looked = 0.0
         self._alone = True
         own = bus.beside(zone.name)
@@ -114,6 +115,9 @@ class LiveZone:
         time, reasons = self.time, []
         if stop:
             self._seen_stopped.add(name)
+            self._demanded.pop(name, None)
+        elif name in self._demanded:
+            self._demand(self._demanded[name])
         elif name in self._seen_stopped:  # one that is to be stopped has not been seen stopped yet
             self._seen_stopped.remove(name)
             reasons.append(self._guard.repaired(name, time, OPERATOR, REPAIRED))
@@ -150,10 +154,15 @@ class LiveZone:
         self.tell()
 
     def _stop(self, station: str, state: StopState, why: str) -> None:
+        """Has an arm stopped; that is said again with every look until the plant tells that it is."""
+        self._demanded[station] = PlantWord(station, state, why[:1000])
+        self._demand(self._demanded[station])
+
+    def _demand(self, word: PlantWord) -> None:
         try:
-            self._bus.ask(PLANT_WORD, PlantWord(station, state, why[:1000]), PlantState)
+            self._bus.ask(PLANT_WORD, word, PlantState)
         except CommunicationError as error:
-            log.error("%s is not stopped: %s", station, error)
+            log.error("%s is not stopped: %s", word.station, error)
 
     def _flow(self, asked: FlowQuestion) -> FlowAnswer:
         """Answers on a thread of its own: a simulation takes seconds, in which the arms are watched."""

@@ -1,0 +1,103 @@
+"""The processes of a line's twins when the bus loses or delays what it carries."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, cast
+
+from dtwin.bus.line.plant import PlantState, PlantWord, StationReading
+from dtwin.bus.line.topics import PLANT_STATE, PLANT_WORD
+from dtwin.bus.session import Bus
+from dtwin.bus.topics.topic import Topic
+from dtwin.errors import CommunicationError, RecordingError
+from dtwin.line.file import line_of
+from dtwin.line.live.overall import LiveOverall
+from dtwin.line.live.zone import LiveZone
+from dtwin.line.twins.decisions import Decision
+from dtwin.line_file import LineFile
+from dtwin.simulation.proposals.book import Book
+
+LINE = line_of("default")
+
+
+class Wire:
+    """A bus on which nobody answers but `reply`, and which passes what a test gives it."""
+
+    def __init__(self, reply: Callable[[Any], Any]) -> None:
+        self.asked: list[Any] = []
+        self.heard: dict[str, Callable[[Any], Any]] = {}
+        self._reply = reply
+
+    def beside(self, arm: str) -> Wire:
+        return self
+
+    def publisher(self, topic: Topic) -> Callable[[Any], None]:
+        return lambda message: None
+
+    def subscribe(self, topic: Topic, message: type, receive: Callable[[Any], Any]) -> None:
+        self.heard[topic.name] = receive
+
+    def watch_alive(self, receive: Callable[[str, bool], Any], service: str) -> None:
+        pass
+
+    def answer(self, topic: Topic, message: type, act: object, read: object = None) -> None:
+        pass
+
+    def refuse(self, reason: str, detail: str) -> None:
+        pass
+
+    def ask(self, topic: Topic, message: Any, reply: type, timeout: float | None = None) -> Any:
+        self.asked.append((topic, message))
+        return self._reply(message)
+
+
+def state(time: float, version: int = 0, stop: int = 0) -> PlantState:
+    stations = tuple(
+        StationReading(each.name, 0, stop if each.name == "a2" else 0, "it smokes" if stop else "")
+        for each in LINE.stations
+    )
+    return PlantState(time, version, dict(LINE.assignment), 0, 0, 0, 0, 0, 0.0, stations, ())
+
+
+def test_a_stop_that_nobody_answers_is_said_again_until_the_arm_is_stopped() -> None:
+    def nobody(message: Any) -> Any:
+        raise CommunicationError("nobody answers")
+
+    wire = Wire(nobody)
+    zone = LiveZone(LINE, 0, "act", cast(Bus, wire), lambda came: None)
+    zone._stop("a2", "failed", "it smokes")
+    for time in (1.0, 2.0, 3.0):
+        zone.take(state(time))
+    assert wire.asked == [(PLANT_WORD, PlantWord("a2", "failed", "it smokes"))] * 4
+    for time in (4.0, 5.0):
+        zone.take(state(time, stop=1))
+    assert len([asked for asked in wire.asked if asked[0] == PLANT_WORD]) == 4
+
+
+def overall(wire: Wire, folder: Path, history: LineFile[Decision]) -> LiveOverall:
+    return LiveOverall(LINE, "act", cast(Bus, wire), Book(folder / "proposals.jsonl"), history, lambda: 0.0)
+
+
+def test_a_state_that_was_on_its_way_while_a_newer_one_was_answered_does_not_count(tmp_path: Path) -> None:
+    wire = Wire(lambda message: state(10.0, version=1))
+    twin = overall(wire, tmp_path, LineFile(tmp_path / "history.jsonl", Decision, "a decision"))
+    twin.stop("a2", "ada", "it smokes")
+    tell = wire.heard[PLANT_STATE.name]
+    for late in (state(9.8), state(10.0)):
+        tell(late)
+        assert twin._plant == state(10.0, version=1)
+    tell(state(10.2, version=1))
+    assert twin.time == 10.2
+    tell(state(0.2))
+    assert twin.time == 0.2, "a plant that begins anew counts"
+
+
+def test_a_history_that_cannot_be_written_does_not_end_the_twin_of_a_line(tmp_path: Path) -> None:
+    class Full(LineFile[Decision]):
+        def append(self, *entries: Decision) -> None:
+            raise RecordingError("no space left on device")
+
+    twin = overall(Wire(lambda message: state(1.0)), tmp_path, Full(tmp_path / "h.jsonl", Decision, "a decision"))
+    twin.stop("a2", "ada", "it smokes")
+    assert [decision.who for decision in twin.state().decisions] == ["ada"]
