@@ -41,6 +41,7 @@ from dtwin.bus.messages import (
 )
 from dtwin.bus.session import Bus, Publisher
 from dtwin.console.people.desk import keep_desk
+from dtwin.controller.application import TIMEOUT
 from dtwin.controller.device import ControlLoop, Outcome, SafeStop, Settings
 from dtwin.controller.ports import MODEL, OFFSETS, PAYLOAD, TUNING
 from dtwin.controller.sequence import CALLS, SEQUENCES, SequenceName, SequenceSettings
@@ -50,6 +51,7 @@ from dtwin.run.options import CellFileOption
 from dtwin.services.parts.gate import STALE
 from dtwin.services.parts.missed.backlog import Kept, answers
 from dtwin.services.parts.recent import Backlog, Recent
+from dtwin.services.parts.rows import LOSSLESS_PATIENCE
 from dtwin.services.parts.state_file import StateFile, changed, to_message
 from dtwin.services.parts.stopping.stops import Stops
 from dtwin.services.parts.stopping.watchdog import Watchdog
@@ -116,6 +118,7 @@ class Bridge:
         bus = service.bus
         self._service = service
         self._address = address
+        self._patience = LOSSLESS_PATIENCE if lossless else TIMEOUT
         self._state = state
         self._sequence = sequence
         self._help = 0
@@ -266,7 +269,7 @@ class Bridge:
 
     def _connected(self) -> ControlLoop:
         """A controller with the settings that were in force."""
-        controller = ControlLoop(self._address)
+        controller = ControlLoop(self._address, self._patience)
         try:
             with self._settings_lock:
                 self._restore(controller.settings)

@@ -23,7 +23,7 @@ from iec61499.net.client import BlockingClient
 from iec61499.types import ElementaryType
 
 TIMEOUT: Final = 1.0
-"""Longest wait for every answer, s."""
+"""Longest wait for every answer where time presses, s."""
 
 
 class Application:
@@ -35,17 +35,25 @@ class Application:
         address: address of device management.
         application: name of the application, with which the names of its blocks on the device begin.
         first: block that an application of this kind has, by which it is found.
+        patience: longest wait for every answer, s.
 
     Raises:
         CommunicationError: the device does not answer, or the application is not there.
     """
 
-    def __init__(self, address: StreamAddress, application: str = APPLICATION, first: str = EMULATOR.block) -> None:
+    def __init__(
+        self,
+        address: StreamAddress,
+        application: str = APPLICATION,
+        first: str = EMULATOR.block,
+        patience: float = TIMEOUT,
+    ) -> None:
         self._address = address
+        self._patience = patience
         self._name = application
         self._first = first
         self._lock = threading.Lock()
-        self._management = ManagementClient(address, TIMEOUT)
+        self._management = ManagementClient(address, patience)
         try:
             self._resource = self._find_resource()
         except CommunicationError:
@@ -134,7 +142,7 @@ class Application:
             listens = self._management.read(self._resource, self._on_device(f"{port.block}.QO"))
         if listens != "TRUE":
             raise self._closed(port, number)
-        return BlockingClient(self._address._replace(port=number), port.receives, port.sends, TIMEOUT)
+        return BlockingClient(self._address._replace(port=number), port.receives, port.sends, self._patience)
 
     def reopen(self, port: Port) -> None:
         """On a FORTE, closes the port of a SERVER block and opens it again; no sample may be on its way meanwhile.

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from typing import Final, NamedTuple
 
-from dtwin.controller.application import Application
+from dtwin.controller.application import TIMEOUT, Application
 from dtwin.controller.bounds import check_bounds
 from dtwin.controller.ports import (
     ARM_MODEL,
@@ -78,6 +78,7 @@ class ControlLoop:
 
     Args:
         address: address of device management.
+        patience: longest wait for every answer, s.
 
     Attributes:
         settings: settings of the same application over the same management session; another thread may use them.
@@ -87,10 +88,10 @@ class ControlLoop:
         CommunicationError: the device does not answer, or the application is not there.
     """
 
-    def __init__(self, address: StreamAddress) -> None:
+    def __init__(self, address: StreamAddress, patience: float = TIMEOUT) -> None:
         self._requesting = threading.Lock()
         with ExitStack() as opened:
-            self._application = opened.enter_context(closing(Application(address)))
+            self._application = opened.enter_context(closing(Application(address, patience=patience)))
             self._application.watch(_OUTCOME)
             self.settings = opened.enter_context(closing(Settings(self._application)))
             self.safe_stop = opened.enter_context(closing(SafeStop(self._application)))

@@ -19,6 +19,7 @@ from dtwin.arm.model import ArmModel
 from dtwin.bus.chain.messages import JointAdjustment, JointCommands, JointModel, JointSensors
 from dtwin.bus.messages import ADJUSTED, ADJUSTMENT, EVENTS, JOINT_COMMANDS, JOINT_SENSORS, MODEL, State
 from dtwin.console.people.desk import keep_desk
+from dtwin.controller.application import TIMEOUT
 from dtwin.controller.chain.application import inputs
 from dtwin.controller.chain.embedded import ChainController
 from dtwin.controller.chain.model import model_inputs
@@ -27,6 +28,7 @@ from dtwin.errors import CommunicationError, ParameterError
 from dtwin.run.chain import ChainSettings
 from dtwin.services.chain.device import DeviceBlocks
 from dtwin.services.chain.options import ArmCellOptions
+from dtwin.services.parts.rows import LOSSLESS_PATIENCE
 from dtwin.services.parts.stopping.stops import Stops
 from dtwin.services.parts.stopping.watchdog import Watchdog
 from dtwin.services.parts.strides import GAP
@@ -90,7 +92,8 @@ class ArmBridge:
         self._inputs = inputs(settings.arm, usual_inertia(settings.arm), settings.control, settings.poses)
         self._blocks: OwnBlocks | DeviceBlocks = OwnBlocks(self._begun)
         if device is not None:
-            self._blocks = DeviceBlocks(device, len(settings.arm), lambda: self._inputs)
+            patience = LOSSLESS_PATIENCE if lossless else TIMEOUT
+            self._blocks = DeviceBlocks(device, len(settings.arm), lambda: self._inputs, patience)
         joints = Adjustment.none(len(settings.arm))
         self._in_force = JointAdjustment(NAME, _DATA_SHEET, joints.offset, joints.strength, joints.friction)
         self._model = JointModel(NAME, _DATA_SHEET, ArmModel.of(settings.arm))

@@ -17,7 +17,7 @@ from typing import Any, Final
 
 from dtwin.arm.adjustment import Adjustment
 from dtwin.bus.chain.messages import JointCommands, JointSensors
-from dtwin.controller.application import Application
+from dtwin.controller.application import TIMEOUT, Application
 from dtwin.controller.chain import application as chain
 from dtwin.controller.ports import Port
 from dtwin.errors import CommunicationError
@@ -49,6 +49,7 @@ class DeviceBlocks:
         address: device management of the FORTE.
         joints: number of joints.
         values: gives the values of the inputs of blocks that begin.
+        patience: longest wait for every answer, s.
 
     Attributes:
         stop: stop in force at the last sample.
@@ -57,8 +58,15 @@ class DeviceBlocks:
         CommunicationError: the FORTE does not answer, or refuses.
     """
 
-    def __init__(self, address: Address, joints: int, values: Callable[[], Mapping[str, Any]]) -> None:
+    def __init__(
+        self,
+        address: Address,
+        joints: int,
+        values: Callable[[], Mapping[str, Any]],
+        patience: float = TIMEOUT,
+    ) -> None:
         self._address = address
+        self._patience = patience
         self._names = [chain.joint_name(k) for k in range(joints)]
         self._watched = (*(f"{name}.PATH.Q_D" for name in self._names), _STOP)
         self._values = values
@@ -126,7 +134,7 @@ class DeviceBlocks:
         arm = Port(chain.ARM, chain.PORT, *chain.messages(joints))
         twin = Port(chain.TWIN, chain.TWIN_PORT, chain.adjustment(joints), Signature([DINT]))
         with ExitStack() as opened:
-            found = _patiently(lambda: Application(self._address, chain.APPLICATION, chain.ARM))
+            found = _patiently(lambda: Application(self._address, chain.APPLICATION, chain.ARM, self._patience))
             self._application = opened.enter_context(closing(found))
             self._application.watch(self._watched)
             self._arm, self._verdict, self._twin = (

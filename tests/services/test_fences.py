@@ -5,10 +5,12 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
 
+from dtwin.controller.application import TIMEOUT
 from dtwin.parameters import ROOT
 from dtwin.run.cell import Cell
 from dtwin.run.options import ControlOptions
@@ -58,6 +60,24 @@ def test_a_secured_cell_logs_what_a_headless_run_logs(desk: Desk, secured: Path,
     cell.log.freeze().write_parquet(headless)
     assert difference(log, headless) == ""
     assert list((desk.folder / "dtwin").iterdir()) == []
+
+
+def test_a_controller_that_is_slow_in_lockstep_leaves_the_same_log(desk: Desk, tmp_path: Path) -> None:
+    log, headless = tmp_path / "slow.parquet", tmp_path / "headless.parquet"
+    desk.detach("--pace", "lockstep", "--duration", "13", "--seed", "5", "--log", str(log))
+    until(lambda: desk.tick() > 100, "the arm moves")
+    controller = desk.find("dtwin.services.controller")
+    os.kill(controller, signal.SIGSTOP)
+    frozen = time.monotonic()
+    until(
+        lambda: time.monotonic() > frozen + 1.5 * TIMEOUT, "an answer is later than would be waited for in real time"
+    )
+    os.kill(controller, signal.SIGCONT)
+    until(lambda: log.exists(), "the run is over", 60.0)
+    cell = Cell(CellSettings(13, 5, control=ControlOptions().control()))
+    cell.run()
+    cell.log.freeze().write_parquet(headless)
+    assert difference(log, headless) == ""
 
 
 @needs_certificates
