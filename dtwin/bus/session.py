@@ -249,6 +249,31 @@ class Bus:
             raise ParameterError(f"{expression!r}: expected a key expression such as sensors or status/*") from None
         self._declare(self._session.declare_subscriber, str(key), deliver)
 
+    def plain(self, name: str) -> Publisher:
+        """A publisher in a form that others have laid down: unsigned, at a key of their own below that of the arm."""
+        control, priority = zenoh.CongestionControl.DROP, zenoh.Priority.INTERACTIVE_HIGH
+        publisher = self._session.declare_publisher(
+            self._prefix + name, encoding=JSON, congestion_control=control, priority=priority
+        )
+        return Publisher(publisher, None)
+
+    def retain(self, name: str, read: Callable[[], msgspec.Struct]) -> None:
+        """Gives whoever asks for a key of `plain` the last message there, as a broker does that retains it."""
+        key = self._prefix + name
+
+        def reply(query: zenoh.Query) -> None:
+            query.reply(key, encode(read()), encoding=JSON)
+
+        handler = Callback(reply, lambda: None, indirect=False)
+        self._declared.append(self._session.declare_queryable(key, handler))
+
+    def retained(self, name: str, timeout: float = 1.0) -> bytes:
+        """What `retain` gives at a key; b"" if nobody does within a time, s."""
+        for reply in self._session.get(self._prefix + name, timeout=timeout):
+            if reply.ok is not None:
+                return _bytes(reply.ok.payload)
+        return b""
+
     def watch_alive(self, receive: Callable[[str, bool], Any], service: str = "*") -> None:
         """Calls `receive` with the name of a service, or of that one, and whether its liveliness token exists, now
         and on changes.

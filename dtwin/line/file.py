@@ -68,6 +68,7 @@ class _Vehicle(msgspec.Struct, forbid_unknown_fields=True):
     idle: Share = 0.1
     charging: Share = 20.0
     patience: Patience = 10.0
+    manufacturer: str = ""
 
 
 class _Zone(msgspec.Struct, forbid_unknown_fields=True):

@@ -10,7 +10,7 @@ from dtwin.emulation.faults import parse_fault
 from dtwin.errors import ParameterError, choices
 from dtwin.line.control import Control, Devices, Exchange, OneResource
 from dtwin.line.line import CYCLE, Line
-from dtwin.line.plant import LineEvent, Plant, check_boxes
+from dtwin.line.plant import LineEvent, MakeVehicle, Plant, check_boxes, emulated_vehicle
 from dtwin.line.station import EmulatedStation, Station
 from dtwin.line.vehicle import FULL, Vehicle
 
@@ -46,6 +46,7 @@ class Floor:
         line: the line.
         devices: whether the blocks run on a resource for each device, which talk by PUBLISH and SUBSCRIBE.
         blocks: blocks that are served elsewhere, in place of those that run in this process.
+        vehicle: makes the vehicles; ones that the plant emulates if not given.
 
     Attributes:
         line: the line.
@@ -59,11 +60,17 @@ class Floor:
         DtwinError: a station or the blocks cannot be used.
     """
 
-    def __init__(self, line: Line, devices: bool = False, blocks: Exchange | None = None) -> None:
+    def __init__(
+        self,
+        line: Line,
+        devices: bool = False,
+        blocks: Exchange | None = None,
+        vehicle: MakeVehicle = emulated_vehicle,
+    ) -> None:
         self.line = line
         self.emulated = {station.name: EmulatedStation(station) for station in line.stations}
         stations: dict[str, Station] = dict(self.emulated)
-        self.plant = Plant(line, stations)
+        self.plant = Plant(line, stations, vehicle)
         here = Devices if devices else OneResource
         self.control = Control(line, blocks or here(line), patient=blocks is not None)
         self.events: list[LineEvent] = []

@@ -104,6 +104,7 @@ class VehiclePlan:
         idle: charge that a minute takes, percent.
         charging: charge that a minute at home gives, percent.
         patience: longest wait at a station for the box that was brought there to be finished, s; 0 for none.
+        manufacturer: who made a vehicle that is driven elsewhere, under VDA 5050; "" for one that the plant emulates.
     """
 
     name: str
@@ -115,6 +116,7 @@ class VehiclePlan:
     idle: float = 0.1
     charging: float = 20.0
     patience: float = 10.0
+    manufacturer: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,6 +185,9 @@ class Line:
                 if name in taken:
                     raise ParameterError(f"{name}: expected a name that nothing else of the line has")
                 taken.add(name)
+            for vehicle in zone.vehicles:
+                if vehicle.manufacturer:
+                    check_name(vehicle.manufacturer, f"zones.{zone.name}.vehicles.{vehicle.name}.manufacturer")
         for number, zone in enumerate(self.zones):
             docks = [zone.track.check_dock(where, node) for where, node in self._docks(number)]
             if len(set(docks)) < len(docks):

@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 
 from dtwin.errors import DtwinError
-from dtwin.line.line import CYCLE, FINISHED, Line, ZonePlan
+from dtwin.line.line import CYCLE, FINISHED, Line, VehiclePlan, ZonePlan
 from dtwin.line.station import FREE, HOLDING, OFFERED, Report, Station
 from dtwin.line.track import DIAMETER
 from dtwin.line.vehicle import LOAD, Vehicle
@@ -81,13 +81,22 @@ class LineEvent:
     text: str = ""
 
 
+def emulated_vehicle(zone: ZonePlan, plan: VehiclePlan) -> Vehicle:
+    """A vehicle that the plant emulates."""
+    return Vehicle(plan, zone.track)
+
+
+MakeVehicle = Callable[[ZonePlan, VehiclePlan], Vehicle]
+"""Makes a vehicle of a zone."""
+
+
 class Plant:
     """The plant of a line.
 
     Args:
         line: the line.
         stations: its stations by their names.
-        first: what stands in the slots at the beginning: nothing.
+        vehicle: makes the vehicles; ones that the plant emulates if not given.
 
     Attributes:
         boxes: all boxes so far, by their numbers.
@@ -102,11 +111,11 @@ class Plant:
         collisions: pairs of vehicles that touched one another, each counted once per touch.
     """
 
-    def __init__(self, line: Line, stations: dict[str, Station]) -> None:
+    def __init__(self, line: Line, stations: dict[str, Station], vehicle: MakeVehicle = emulated_vehicle) -> None:
         self.line = line
         self.boxes: dict[int, LineBox] = {}
         self.left: list[tuple[int, float]] = []
-        self.vehicles = {v.name: Vehicle(v, zone.track) for zone in line.zones for v in zone.vehicles}
+        self.vehicles = {v.name: vehicle(zone, v) for zone in line.zones for v in zone.vehicles}
         self.stations = {name: StationState(station) for name, station in stations.items()}
         self.buffers: list[deque[int]] = [deque() for _ in line.buffers]
         self.events: list[LineEvent] = []
@@ -221,15 +230,9 @@ class Plant:
         if not vehicle.box:
             vehicle.retry()
             return
-        self._say(kind, vehicle.plan.name, vehicle.box, self._name(zone, slot))
+        self._say(kind, vehicle.plan.name, vehicle.box, place_of(self.line, zone, slot))
         if kind == "unloaded":
             vehicle.box = 0
-
-    def _name(self, zone: ZonePlan, slot: int) -> str:
-        if slot in (ENTRY, EXIT):
-            number = self.line.zones.index(zone)
-            return self.line.entry(number) if slot == ENTRY else self.line.exit(number)
-        return zone.stations[(slot - 3) // 2].name
 
     def _remove_box(self, zone: ZonePlan, slot: int) -> int:
         """Takes a box out of a slot; its number, 0 for none."""
@@ -299,6 +302,14 @@ class Plant:
             self.collisions += 1
             self._say("collision", one, 0, other)
         self._touching = touching
+
+
+def place_of(line: Line, zone: ZonePlan, slot: int) -> str:
+    """The station that has a slot of a zone, or the dock at the end of the zone."""
+    if slot in (ENTRY, EXIT):
+        number = line.zones.index(zone)
+        return line.entry(number) if slot == ENTRY else line.exit(number)
+    return zone.stations[(slot - 3) // 2].name
 
 
 def check_boxes(plant: Plant) -> None:

@@ -13,6 +13,7 @@ from dtwin.controller.ports import BLOCKS
 from dtwin.controller.runtime import RuntimeOption, chosen
 from dtwin.line.control import Served
 from dtwin.line.file import DEFAULT_NAME, line_of
+from dtwin.line.fleet.fleet import Fleet
 from dtwin.line.floor import Floor
 from dtwin.line.live.plant import LivePlant
 from dtwin.line.live.seen import RECENT
@@ -48,10 +49,12 @@ class Options(RuntimeOption, Link):
             blocks = None
             if self.served:
                 blocks = stack.enter_context(Served(line, Library([BLOCKS]).complete(system(line))))
-            floor = Floor(line, blocks=blocks)
+            fleet = Fleet(line, service.bus, time.time(), f"{time.time_ns():x}")
+            stack.callback(fleet.close)
+            floor = Floor(line, blocks=blocks, vehicle=fleet.make)
             keeper = None if self.out is None else Keeper(floor, self.out)
             memory = RECENT if keeper is None else math.inf
-            plant = LivePlant(floor, faults, service.bus, time.monotonic, memory)
+            plant = LivePlant(floor, faults, service.bus, time.monotonic, memory, fleet)
             if keeper is not None:
                 stack.callback(keeper.write)
             service.ready()

@@ -15,7 +15,6 @@ from dtwin.controller.ports import BLOCKS
 from dtwin.emulation.boxes import Box, Deliveries
 from dtwin.emulation.emulation import Emulation
 from dtwin.errors import DtwinError
-from dtwin.line import vda5050
 from dtwin.line.control import Control, Devices, OneResource, Served
 from dtwin.line.file import line_of
 from dtwin.line.line import Line
@@ -27,7 +26,6 @@ from dtwin.line.station import EmulatedStation, Input, TimedStation, WorkTimes, 
 from dtwin.line.system import system
 from dtwin.line.twins.decisions import Decision
 from dtwin.line.twins.overall import changed
-from dtwin.line.vehicle import Vehicle, VehicleCommand
 from dtwin.line_file import LineFile
 from dtwin.parameters import ROOT
 from evidence.line.kills import at_ports
@@ -243,28 +241,6 @@ def test_work_moves_when_an_arm_fails_and_comes_back_when_it_is_repaired() -> No
     marked = [e.time for e in run.course.events if e.kind == "work" and e.who == other and e.text == "mark"]
     assert marked
     assert min(marked) > begins
-
-
-def test_orders_and_states_have_the_form_of_the_recommendation() -> None:
-    zone = LINE.zones[0]
-    vehicle = Vehicle(zone.vehicles[0], zone.track)
-    vehicle.obey(VehicleCommand(zone.track.number("n6"), 0, 0))
-    vehicle.advance(0.1)
-    vehicle.box = 7
-    route = ("home1", "n6", "n7", "n8", "n1", "source")
-    sent = msgspec.json.decode(msgspec.json.encode(vda5050.order(vehicle, zone.track, "a", 3, 1, route, 1, 61.5)))
-    assert [node["released"] for node in sent["nodes"]] == [True, True, False, False, False, False]
-    assert [node["sequenceId"] for node in sent["nodes"]] == [0, 2, 4, 6, 8, 10]
-    assert [edge["sequenceId"] for edge in sent["edges"]] == [1, 3, 5, 7, 9]
-    assert (sent["edges"][0]["startNodeId"], sent["edges"][0]["endNodeId"]) == ("home1", "n6")
-    assert sent["nodes"][-1]["actions"][0]["actionType"] == "pick"
-    assert (sent["version"], sent["timestamp"]) == ("3.0.0", "1970-01-01T00:01:01.500Z")
-    told = msgspec.json.decode(msgspec.json.encode(vda5050.state(vehicle, zone.track, "a", 3, 2, 61.5)))
-    assert (told["orderId"], told["lastNodeId"], told["driving"]) == (sent["orderId"], "home1", True)
-    assert [node["nodeId"] for node in told["nodeStates"]] == ["n6"]
-    assert [edge["edgeId"] for edge in told["edgeStates"]] == ["home1>n6"]
-    assert told["loads"] == [{"loadId": "7"}]
-    assert 99.0 < told["powerSupply"]["stateOfCharge"] <= 100.0
 
 
 def own_ports(whole: System) -> System:

@@ -64,6 +64,7 @@ class VehicleSeen(msgspec.Struct, frozen=True):
         box: number of its box, 0 for none.
         path: nodes that it holds: the last one that it has reached, and those that were given to it.
         handling: whether it loads or unloads a box now.
+        trouble: why one that is driven elsewhere is given nothing now, "" if it is well.
     """
 
     name: Word
@@ -74,6 +75,7 @@ class VehicleSeen(msgspec.Struct, frozen=True):
     box: Count = 0
     path: tuple[Word, ...] = ()
     handling: bool = False
+    trouble: Line = ""
 
 
 class ZoneSeen(msgspec.Struct, frozen=True):

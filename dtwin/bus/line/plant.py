@@ -53,7 +53,7 @@ class PlantState(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
         collisions: number of touches of vehicles.
         rate: boxes an hour that have left in the last ten minutes, 0 while fewer than two have.
         stations, vehicles: how they do.
-        absent: names of the blocks that do not answer.
+        absent: names of the blocks that do not answer, and of vehicles of others that can be given nothing.
         zones: how the zones do, in the order in which boxes pass them.
         outside: number of boxes that wait in front of the source.
         late: number of cycles that began more than a tick too late.

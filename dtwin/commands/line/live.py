@@ -125,6 +125,7 @@ def show(state: LineState) -> None:
         print(printable(f"  {station.name}: {station.doing}{box}; can do {station.ability}: {station.why}"))
     for vehicle in state.vehicles:
         box = f" with box {vehicle.box}" if vehicle.box else ""
-        print(printable(f"  {vehicle.name}: {vehicle.doing}{box}, {vehicle.battery:.0f} %"))
+        trouble = f"; no orders: {vehicle.trouble}" if vehicle.trouble else ""
+        print(printable(f"  {vehicle.name}: {vehicle.doing}{box}, {vehicle.battery:.0f} %{trouble}"))
     for each in state.decisions:
         print(printable(f"{each.time:8.1f} s  {each.who}: {each.what}: {each.why}"))

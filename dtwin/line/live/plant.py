@@ -13,6 +13,7 @@ from dtwin.bus.line.topics import PLANT_SET_UP, PLANT_STATE, PLANT_WORD
 from dtwin.bus.messages import FAULT, Done, FaultRequest
 from dtwin.bus.session import Bus
 from dtwin.errors import ParameterError, choices
+from dtwin.line.fleet.fleet import Fleet
 from dtwin.line.floor import Floor
 from dtwin.line.line import Assignment
 from dtwin.line.live.arms import ArmPublisher
@@ -40,6 +41,7 @@ class LivePlant:
         bus: session of the line.
         clock: gives a time that only grows, s.
         memory: time for which it is remembered what has happened, s.
+        fleet: its vehicles on the bus.
 
     Attributes:
         pace: when cycles are due, and how many were late.
@@ -55,7 +57,9 @@ class LivePlant:
         bus: Bus,
         clock: Callable[[], float],
         memory: float = RECENT,
+        fleet: Fleet | None = None,
     ) -> None:
+        self._fleet = fleet
         self._floor, self._memory = floor, memory
         self._between = Between(clock, _PATIENCE)
         self.pace = Pace(clock)
@@ -67,6 +71,8 @@ class LivePlant:
             floor.inject(name, text, math.inf)
         floor.control.set_up(self._assignment)
         ask = self._between.ask
+        if fleet is not None:
+            fleet.join(floor.plant)
         self._tell = bus.publisher(PLANT_STATE)
         bus.answer(PLANT_SET_UP, PlantSetUp, partial(ask, self._set_up), partial(ask, self._state))
         bus.answer(PLANT_WORD, PlantWord, partial(ask, self._word))
@@ -106,6 +112,8 @@ class LivePlant:
         floor = self._floor
         floor.step()
         self._cycles += 1
+        if self._fleet is not None:
+            self._fleet.look()
         for name, arm in self._arms.items():
             arm.publish(floor.plant.stations[name].report.events)
         if self._cycles % _TOLD:
@@ -118,7 +126,8 @@ class LivePlant:
         self._tell(self._state())
 
     def _state(self) -> PlantState:
-        return plant_state(self._floor, self._version, self._assignment, self._why, self.pace.late)
+        troubles = {} if self._fleet is None else self._fleet.troubles
+        return plant_state(self._floor, self._version, self._assignment, self._why, self.pace.late, troubles)
 
     def _set_up(self, asked: PlantSetUp) -> PlantState:
         if asked.based_on != self._version:

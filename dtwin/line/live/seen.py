@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import takewhile
+from types import MappingProxyType
 from typing import Final
 
 from dtwin.bus.line.messages import (
@@ -34,7 +35,14 @@ _STOPPED: Final = 2
 _VEHICLES: Final = {0: "home", 1: "empty", 2: "loaded", 9: "charges"}
 
 
-def plant_state(floor: Floor, version: int, set_up: Assignment, why: Mapping[str, str], late: int) -> PlantState:
+def plant_state(
+    floor: Floor,
+    version: int,
+    set_up: Assignment,
+    why: Mapping[str, str],
+    late: int,
+    troubles: Mapping[str, str] = MappingProxyType({}),
+) -> PlantState:
     """What sensors and blocks of a line tell now.
 
     Args:
@@ -43,6 +51,7 @@ def plant_state(floor: Floor, version: int, set_up: Assignment, why: Mapping[str
         set_up: which station does what.
         why: why stations are stopped, or will be in the next cycle, by their names, as far as it was told.
         late: number of late cycles.
+        troubles: why vehicles that are driven elsewhere are given nothing now, by their names.
     """
     plant, line, now = floor.plant, floor.line, floor.sample()
     drives = {vehicle.name: zone.name for zone in line.zones for vehicle in zone.vehicles}
@@ -58,6 +67,7 @@ def plant_state(floor: Floor, version: int, set_up: Assignment, why: Mapping[str
             vehicle.box,
             tuple(vehicle.path),
             bool(vehicle.action) and vehicle.standing,
+            troubles.get(name, "")[:1000],
         )
         for (name, vehicle), doing, position in zip(plant.vehicles.items(), now.vehicles, now.positions, strict=True)
     ]
@@ -73,7 +83,7 @@ def plant_state(floor: Floor, version: int, set_up: Assignment, why: Mapping[str
         floor.rate(since),
         tuple(_readings(floor, since, recent, why)),
         tuple(vehicles),
-        tuple(sorted(floor.control.absent)),
+        tuple(sorted(floor.control.absent | set(troubles))),
         tuple(_zones(floor, recent)),
         plant.outside,
         late,

@@ -58,6 +58,6 @@ class Absence:
             why = f"no answer from {', '.join(sorted(new))}: the rest goes on"
             self._note(Decision(time, "control", "no answer", why))
         elif self._absent and not absent:
-            why = "all blocks answer, and the stations are set up anew"
+            why = "all answer again, and the stations are set up anew"
             self._note(Decision(time, "control", "answers again", why))
         self._absent = absent
