@@ -50,6 +50,7 @@ class Desk:
         """Runs `dtwin up` as a process and returns what it said."""
         command = [sys.executable, "-m", "dtwin", "up", *words]
         done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=180)
+        print(done.stderr, file=sys.stderr)  # what the cell said stands beside whatever is asserted of it
         assert done.returncode == status, done.stderr
         return done.stdout if status == 0 else done.stderr
 
