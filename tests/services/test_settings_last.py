@@ -182,7 +182,7 @@ def bridged(meet: str, state: StateFile, sequence: SequenceSettings = STRAIGHT) 
 @pytest.fixture
 def device(monkeypatch: pytest.MonkeyPatch) -> Device:
     device = Device()
-    monkeypatch.setattr(bridge, "ControlLoop", lambda address: Loop(device))
+    monkeypatch.setattr(bridge, "ControlLoop", lambda address, patience: Loop(device))
     monkeypatch.setattr(bridge, "PATIENCE", 0.0)
     return device
 
