@@ -225,8 +225,8 @@ def test_sending_the_same_settings_again_changes_no_voltage(controller: str, des
     until(lambda: (up := runfile.find("cell")) is not None and up.ready, "the cell is up")
     with join("cell") as bus, suppress(CommunicationError):  # at its end nobody answers
         while process.poll() is None:
-            bus.ask(SETTINGS, SettingsRequest(control.gains, control.target_time), SettingsInForce, 1.0)
-            bus.ask(SETTINGS, SettingsRequest(model=control.model), SettingsInForce, 1.0)
+            bus.ask(SETTINGS, SettingsRequest(control.gains, control.target_time), SettingsInForce, 10.0)
+            bus.ask(SETTINGS, SettingsRequest(model=control.model), SettingsInForce, 10.0)
             sent += 1
     assert process.wait(60.0) == 0
     assert sent > 10
