@@ -66,6 +66,7 @@ class LineRun:
         settings: how it runs.
         history: file to which every decision is appended.
         blocks: blocks that are served elsewhere, in place of those that run in this process.
+        threads: number of threads in which its stations work, which changes no result.
 
     Attributes:
         line: the line.
@@ -82,11 +83,16 @@ class LineRun:
     """
 
     def __init__(
-        self, line: Line, settings: LineSettings, history: Path | None = None, blocks: Exchange | None = None
+        self,
+        line: Line,
+        settings: LineSettings,
+        history: Path | None = None,
+        blocks: Exchange | None = None,
+        threads: int = 1,
     ) -> None:
         self.line, self.settings = line, settings
         self._file = None if history is None else LineFile(history, Decision, "a decision of the line")
-        self.floor = Floor(line, settings.devices, blocks)
+        self.floor = Floor(line, settings.devices, blocks, threads=threads)
         self.plant, self.emulated = self.floor.plant, self.floor.emulated
         self.course = Course(self.floor.events, self.floor.samples)
         nodes = {s.name: NodeTwin(s, line.source.lightest, line.source.heaviest) for s in line.stations}
