@@ -8,12 +8,11 @@ from typing import Annotated, Any, Final, TypeVar
 
 import msgspec
 
-from dtwin.emulation.faults import parse_fault
 from dtwin.errors import DtwinError, ModelError, ParameterError, choices
 from dtwin.line.line import Buffer, Line, Operation, Source, StationPlan, VehiclePlan, ZonePlan
+from dtwin.line.stations import checked_places
 from dtwin.line.track import Point, Segment, Track
 from dtwin.parameters import ROOT
-from dtwin.run.cell_file import cell_of
 from dtwin.run.cell_file import is_file as is_cell_file
 
 FOLDER: Final = ROOT / "lines"
@@ -162,13 +161,16 @@ def _line(path: Path, found: _File) -> Line:
     places = {operation.name: operation.place for operation in line.operations}
     for zone in line.zones:
         for station in zone.stations:
-            known = (cell_of(station.cell_file or DEFAULT_NAME)).task.colours
+            where = f"zones.{zone.name}.stations.{station.name}"
+            try:
+                known = checked_places(station, line.source.heaviest)
+            except ParameterError as error:
+                raise ParameterError(f"{where}: {error}") from None
             for name in station.operations:
                 if places[name] not in known:
-                    where = f"operations.{name}.place, for zones.{zone.name}.stations.{station.name}"
-                    raise ParameterError(f"{where}: expected {choices(known)}, got {places[name]!r}")
-            for fault in station.faults:
-                parse_fault(fault)
+                    raise ParameterError(
+                        f"operations.{name}.place, for {where}: expected {choices(known)}, got {places[name]!r}"
+                    )
     return line
 
 

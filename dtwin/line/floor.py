@@ -6,13 +6,13 @@ from bisect import bisect_left
 from dataclasses import dataclass
 from typing import Final
 
-from dtwin.emulation.faults import parse_fault
 from dtwin.errors import ParameterError, choices
 from dtwin.line.abreast import Abreast
 from dtwin.line.control import Control, Devices, Exchange, OneResource
 from dtwin.line.line import CYCLE, Line
 from dtwin.line.plant import LineEvent, MakeVehicle, Plant, check_boxes, emulated_vehicle
-from dtwin.line.station import EmulatedStation, Station
+from dtwin.line.station import Station
+from dtwin.line.stations import emulated
 from dtwin.line.vehicle import FULL, Vehicle
 
 _REPAIR: Final = 1.0
@@ -71,7 +71,7 @@ class Floor:
         threads: int = 1,
     ) -> None:
         self.line = line
-        self.emulated = {station.name: EmulatedStation(station) for station in line.stations}
+        self.emulated = {station.name: emulated(station) for station in line.stations}
         stations: dict[str, Station] = dict(self.emulated)
         self.plant = Plant(line, stations, vehicle)
         self._stations = Abreast(stations, threads)
@@ -118,10 +118,10 @@ class Floor:
         """
         if name not in self.emulated:
             raise ParameterError(f"fault {name}:{text}: expected {choices(list(self.emulated))}, got {name!r}")
-        fault = parse_fault(text)
+        end = self.emulated[name].fault_end(text)
         self.emulated[name].give("fault", text=text)
-        if fault.end is not None and fault.end < until:
-            self._repairs.append((fault.end + _REPAIR, name))
+        if end is not None and end < until:
+            self._repairs.append((end + _REPAIR, name))
             self._repairs.sort()
 
     def due_repairs(self) -> list[str]:

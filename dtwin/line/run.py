@@ -15,7 +15,8 @@ from dtwin.line.line import Line
 from dtwin.line.plant import LineEvent
 from dtwin.line.twins.decisions import OPERATOR, REPAIRED, Absence, Decision, Mode
 from dtwin.line.twins.guard import Guard
-from dtwin.line.twins.node import Capability, NodeTwin
+from dtwin.line.twins.node import Capability
+from dtwin.line.twins.nodes import node_of
 from dtwin.line.twins.overall import Choice
 from dtwin.line.twins.reorganisation import Doors, Reorganisation
 from dtwin.line.twins.zone import ZoneTwin
@@ -95,7 +96,7 @@ class LineRun:
         self.floor = Floor(line, settings.devices, blocks, threads=threads)
         self.plant, self.emulated = self.floor.plant, self.floor.emulated
         self.course = Course(self.floor.events, self.floor.samples)
-        nodes = {s.name: NodeTwin(s, line.source.lightest, line.source.heaviest) for s in line.stations}
+        nodes = {s.name: node_of(line, s) for s in line.stations}
         zones = [ZoneTwin(line, number, nodes) for number in range(len(line.zones))]
         self._guard = Guard(nodes, lambda name, state, why: self.emulated[name].give(state), self._note)
         doors = Doors(self.floor.control.set_up, lambda: self.time, self._note, self._propose)

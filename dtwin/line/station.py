@@ -7,7 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import Final, Literal, Protocol
+from pathlib import Path
+from typing import Final, Literal, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
 
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.ports import STOP, VERDICT
@@ -23,12 +27,13 @@ from dtwin.line.line import StationPlan
 from dtwin.line.system import task_of
 from dtwin.logs.collecting import RunLog
 from dtwin.logs.log import Log
-from dtwin.parameters import PERIOD, ArmParameters
+from dtwin.parameters import PERIOD, ArmParameters, Triple
 from dtwin.run.cell_file import CellFile, cell_of
 from dtwin.run.compiled_ticks import CompiledTicks
 from dtwin.run.loop import run
 from dtwin.run.settings import CellSettings, metadata
 from dtwin.signals import Event, EventKind
+from dtwin.twin.kinematics import joint_positions
 from iec61499.native.resource import NativeResource
 
 FREE: Final = 0
@@ -67,6 +72,18 @@ class Report:
     arm: int
     stop: int
     events: tuple[Event, ...]
+
+
+class Points(NamedTuple):
+    """Where an arm was.
+
+    Attributes:
+        times: plant times, (N,), s.
+        joints: joints and tool, (N, points, 3), m from its base, z up.
+    """
+
+    times: NDArray[np.float64]
+    joints: NDArray[np.float64]
 
 
 class Station(Protocol):
@@ -126,6 +143,25 @@ class EmulatedStation:
     def give(self, kind: str, mass: float = 0.0, text: str = "") -> None:
         self.apply(Input(self._ticks, kind, mass, text))  # type: ignore[arg-type]
 
+    def fault_end(self, text: str) -> float | None:
+        """When a fault is over, s; None if it lasts. Raises FaultError."""
+        return parse_fault(text).end
+
+    def write_log(self, path: Path) -> None:
+        """Writes its log. Raises RecordingError."""
+        self.log.freeze().write_parquet(path)
+
+    def desired(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Times, (N,), s, and the desired positions of its joints at them, (N, 3), rad."""
+        log = self.log.freeze()
+        return log.columns["t"], log.stack("target")
+
+    def points(self, every: int) -> Points:
+        """Where its joints and its tool were as its encoders read, in every so-manieth tick."""
+        log = self.log.freeze()
+        flat = [joint_positions(_triple(theta), self.arm) for theta in log.angles()[::every]]
+        return Points(log.columns["t"][::every], np.insert(np.reshape(flat, (-1, 4, 2)), 1, 0.0, axis=2))
+
     def apply(self, given: Input) -> None:
         """Does something to it before the next tick, and notes it.
 
@@ -161,6 +197,11 @@ class EmulatedStation:
                 self._arm = FREE
         (stop,) = self._stop()
         return Report(self._arm, stop, tuple(events))
+
+
+def _triple(values: NDArray[np.float64]) -> Triple:
+    first, second, third = values.tolist()
+    return first, second, third
 
 
 def replayed(plan: StationPlan, inputs: Iterable[Input], ticks: int) -> Log:

@@ -12,6 +12,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
+from dtwin.arm.sorting import read_sorting
+from dtwin.line.chain.cell import arm_cell
 from dtwin.line.line import CYCLE, MOST_OPERATIONS, MOST_STATIONS, Line, StationPlan, VehiclePlan, ZonePlan
 from dtwin.line.track import MOST_NODES
 from dtwin.run.cell_file import cell_of
@@ -57,6 +59,14 @@ def setup_of(zone: str) -> str:
 def task_of(station: StationPlan) -> Task:
     """What the cell of a station has to do."""
     return DEFAULT_TASK if station.cell_file is None else cell_of(station.cell_file).task
+
+
+def places_of(station: StationPlan) -> tuple[str, ...]:
+    """The names of the places of the cell of a station, by whose numbers its blocks are told them."""
+    cell = arm_cell(station)
+    if cell is None:
+        return task_of(station).colours
+    return () if cell.sort is None else tuple(read_sorting(cell.sort).places)
 
 
 @dataclass
@@ -221,7 +231,7 @@ def _draw_vehicle(
 
 
 def _draw_station(drawing: _Drawing, line: Line, k: int, station: StationPlan, dispatch: str) -> None:
-    device, colours = device_of(station.name), task_of(station).colours
+    device, colours = device_of(station.name), places_of(station)
     plant = drawing.server(
         device, plant_of(station.name), 1, 5, f"Station {station.name}: tags, arm and stop in; what is offered out"
     )

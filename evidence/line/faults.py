@@ -151,10 +151,9 @@ def tried(trial: LineTrial) -> LineOutcome:
 
 def _moves(run: LineRun, trial: LineTrial) -> float | None:
     """Time from a fault to the first change of the path of its arm, s."""
-    log = run.emulated[trial.station].log.freeze()
-    times, target = log.columns["t"][1:], log.stack("target")
-    moving = (np.abs(np.diff(target, axis=0)).max(axis=1) > STILL) & (times >= trial.begins)
-    return float(times[moving][0] - trial.begins) if moving.any() else None
+    times, target = run.emulated[trial.station].desired()
+    moving = (np.abs(np.diff(target, axis=0)).max(axis=1) > STILL) & (times[1:] >= trial.begins)
+    return float(times[1:][moving][0] - trial.begins) if moving.any() else None
 
 
 def best_rate(line: Line, without: str, horizon: float) -> float:

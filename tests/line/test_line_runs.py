@@ -197,8 +197,11 @@ def test_the_number_of_threads_changes_nothing() -> None:
     for run in others:
         assert run.course == alone.course
         for name, station in alone.emulated.items():
+            other = run.emulated[name]
+            assert isinstance(station, EmulatedStation)
+            assert isinstance(other, EmulatedStation)
             for column, values in station.log.freeze().columns.items():
-                np.testing.assert_array_equal(run.emulated[name].log.freeze().columns[column], values)
+                np.testing.assert_array_equal(other.log.freeze().columns[column], values)
 
 
 @pytest.mark.parametrize("broken", ["a1", "b2"])

@@ -84,3 +84,31 @@ class Boxes:
             self.counts.errors.append(float(np.linalg.norm(tool - self._places[self._kind - 1])))
             self.held, self._next = 0.0, time + self._task.every
         self._closed = closed
+
+
+class BroughtBoxes(Boxes):
+    """Boxes that come one by one as somebody brings them, and may be taken away again.
+
+    Args:
+        task: where they wait and belong.
+
+    Attributes:
+        names: names of the places.
+    """
+
+    def __init__(self, task: Sorting) -> None:
+        super().__init__(task)
+        self.names = tuple(task.places)
+
+    def bring(self, place: str, mass: float) -> None:
+        """Lets a box wait that belongs to a place and has a mass, kg."""
+        self._kind, self._mass, self._waits = self.names.index(place) + 1, mass, True
+        self.counts.arrived += 1
+
+    def take(self) -> None:
+        """Takes the box away that waits, if one does."""
+        self._waits = False
+
+    def waiting(self, time: float) -> int:
+        """Number of the place, from 1, of the box that waits at a time, s; 0 if none does."""
+        return self._kind if self._waits else 0

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from dtwin.bus.line.messages import StationPlace
 from dtwin.line.line import StationPlan
-from dtwin.line.system import task_of
+from dtwin.line.stations import places_at
 
 
 def station_place(station: StationPlan) -> StationPlace:
     """A station as it was built. Raises DtwinError when the file of its cell cannot be used."""
-    places = task_of(station).all_places
-    return StationPlace(station.name, station.node, {name: (place.x, place.y) for name, place in places.items()})
+    return StationPlace(station.name, station.node, dict(places_at(station)))

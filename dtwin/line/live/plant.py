@@ -13,13 +13,16 @@ from dtwin.bus.line.topics import PLANT_SET_UP, PLANT_STATE, PLANT_WORD
 from dtwin.bus.messages import FAULT, Done, FaultRequest
 from dtwin.bus.session import Bus
 from dtwin.errors import ParameterError, choices
+from dtwin.line.chain.station import ChainStation
 from dtwin.line.fleet.fleet import Fleet
 from dtwin.line.floor import Floor
 from dtwin.line.line import Assignment
 from dtwin.line.live.arms import ArmPublisher
 from dtwin.line.live.between import Between
+from dtwin.line.live.chain import ChainArmPublisher
 from dtwin.line.live.pace import Pace
 from dtwin.line.live.seen import RECENT, plant_state
+from dtwin.line.stations import Emulated
 from dtwin.line.twins.decisions import REPAIRED
 
 log = logging.getLogger(__name__)
@@ -30,6 +33,13 @@ _RECORDED: Final = 10
 """Cycles from one record to the next: a second."""
 _PATIENCE: Final = 4.0
 """Longest wait of who asks, s."""
+
+
+def _publisher(arm: Bus, station: Emulated) -> ArmPublisher | ChainArmPublisher:
+    """What tells what the arm of a station does."""
+    if isinstance(station, ChainStation):
+        return ChainArmPublisher(arm, station.log)
+    return ArmPublisher(arm, station.log)
 
 
 class LivePlant:
@@ -79,7 +89,7 @@ class LivePlant:
         arms = {name: bus.beside(name) for name in floor.emulated}
         for name, arm in arms.items():
             arm.answer(FAULT, FaultRequest, partial(ask, partial(self._fault, name)))
-        self._arms = {name: ArmPublisher(arm, floor.emulated[name].log) for name, arm in arms.items()}
+        self._arms = {name: _publisher(arm, floor.emulated[name]) for name, arm in arms.items()}
 
     def run(self, stopping: Callable[[], bool], report: Callable[[], None], until: float) -> None:
         """Runs in real time, and does between two cycles what is asked.

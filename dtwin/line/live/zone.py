@@ -21,16 +21,17 @@ from dtwin.bus.line.plant import (
     ZoneState,
 )
 from dtwin.bus.line.topics import PLANT_SET_UP, PLANT_STATE, PLANT_WORD, ZONE_FLOW, ZONE_STATE
-from dtwin.bus.messages import Path
 from dtwin.bus.session import Bus
-from dtwin.bus.ticks import Tick
 from dtwin.errors import CommunicationError
-from dtwin.line.line import Line
+from dtwin.line.chain.cell import arm_cell, believed_chain_settings
+from dtwin.line.line import Line, StationPlan
 from dtwin.line.live.arms import ArmFollower
+from dtwin.line.live.chain import ChainArmFollower
 from dtwin.line.live.seen import told
 from dtwin.line.twins.decisions import OPERATOR, REPAIRED, Decision, Mode
 from dtwin.line.twins.guard import Guard, StopState
-from dtwin.line.twins.node import BEFORE, NodeTwin
+from dtwin.line.twins.node import BEFORE
+from dtwin.line.twins.nodes import node_of
 from dtwin.line.twins.zone import ZoneTwin
 from dtwin.parameters import PERIOD
 
@@ -40,6 +41,16 @@ OVERALL: Final = "overall"
 """Name of the service that is the twin of the line."""
 _LOOK: Final = 1.0
 """Plant time from one look at the arms to the next, s."""
+
+
+def _follower(
+    arm: Bus, station: StationPlan, put: Callable[[tuple[Any, Any]], None]
+) -> ArmFollower | ChainArmFollower:
+    """What hears what the arm of a station does, to be put where `LiveZone.take` is called with it."""
+    cell = arm_cell(station)
+    if cell is None:
+        return ArmFollower(arm, lambda follower, came: put((follower, came)))
+    return ChainArmFollower(arm, believed_chain_settings(station, cell), lambda follower, came: put((follower, came)))
 
 
 class LiveZone:
@@ -56,7 +67,7 @@ class LiveZone:
     def __init__(self, line: Line, number: int, mode: Mode, bus: Bus, put: Callable[[Any], None]) -> None:
         self._mode, self._bus = mode, bus
         zone = line.zones[number]
-        nodes = {s.name: NodeTwin(s, line.source.lightest, line.source.heaviest) for s in zone.stations}
+        nodes = {s.name: node_of(line, s) for s in zone.stations}
         self._twin = ZoneTwin(line, number, nodes)
         self._guard = Guard(nodes, self._stop, self._note)
         self._decisions: deque[Decision] = deque(maxlen=TOLD)
@@ -67,9 +78,7 @@ class LiveZone:
         self._alone = True
         own = bus.beside(zone.name)
         self._tell = own.publisher(ZONE_STATE)
-        self._arms = {
-            name: ArmFollower(bus.beside(name), lambda arm, came: put((arm, came))) for name in self._twin.stations
-        }
+        self._arms = {station.name: _follower(bus.beside(station.name), station, put) for station in zone.stations}
         bus.subscribe(PLANT_STATE, PlantState, put)
         bus.watch_alive(lambda name, alive: put(alive), OVERALL)
         own.answer(ZONE_FLOW, FlowQuestion, self._flow)
@@ -79,7 +88,7 @@ class LiveZone:
         """Plant time of the last state of the plant, s."""
         return 0.0 if self._plant is None else self._plant.time
 
-    def take(self, came: PlantState | bool | tuple[ArmFollower, list[Tick] | Path]) -> None:
+    def take(self, came: PlantState | bool | tuple[Any, Any]) -> None:
         """Takes what has come over the bus, and looks at the arms when that is due."""
         if isinstance(came, tuple):
             came[0].take(came[1])

@@ -12,8 +12,6 @@ import numpy as np
 from dtwin.line.line import Line, StationPlan, ZonePlan
 from dtwin.line.run import LineRun, Sample
 from dtwin.line.track import Point
-from dtwin.parameters import Triple
-from dtwin.twin.kinematics import joint_positions
 from dtwin.view.line.recording import CHARGES, TABLE, Decided, Drawn, LineCourse, Poses, write_line_recording
 
 EVERY: Final = 2
@@ -102,16 +100,8 @@ class Drawing:
         return Drawn(np.array(list(found.values()), float).reshape(-1, 3), done)
 
     def _poses(self, name: str) -> Poses:
-        """The measured poses of a station's arm, in the vertical plane through its table."""
-        station = self.run.emulated[name]
-        log = station.log.freeze()
-        flat = [joint_positions(_triple(theta), station.arm) for theta in log.angles()[::_POSE]]
-        return Poses(log.columns["t"][::_POSE], np.insert(np.reshape(flat, (-1, 4, 2)), 1, 0.0, axis=2))
-
-
-def _triple(values: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> Triple:
-    first, second, third = values.tolist()
-    return first, second, third
+        """The measured poses of a station's arm."""
+        return Poses(*self.run.emulated[name].points(_POSE))
 
 
 def _segments(line: Line) -> list[tuple[ZonePlan, str, str]]:

@@ -99,7 +99,7 @@ def write(run: LineRun, folder: Path) -> None:
     """
     write_course(kept(run), folder)
     for name, station in run.emulated.items():
-        station.log.freeze().write_parquet(folder / f"{name}.parquet")
+        station.write_log(folder / f"{name}.parquet")
 
 
 def write_course(found: Kept, folder: Path) -> None:

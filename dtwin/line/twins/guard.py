@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Literal
+from typing import Any, Literal
 
 from dtwin.line.twins.decisions import Decision, Note
-from dtwin.line.twins.node import Capability, NodeTwin
-from dtwin.logs.collecting import RunLog
+from dtwin.line.twins.node import Capability, Node
 
 StopState = Literal["failed", "angles unknown"]
 """What the blocks of a station are told of an arm that is to be stopped."""
@@ -27,7 +26,7 @@ class Guard:
         stopped: names of the stations whose arms are stopped, or are to be in the next cycle.
     """
 
-    def __init__(self, nodes: Mapping[str, NodeTwin], stop: StopArm, note: Note) -> None:
+    def __init__(self, nodes: Mapping[str, Node], stop: StopArm, note: Note) -> None:
         self._nodes, self._stop, self._note = nodes, stop, note
         self.stopped: set[str] = set()
 
@@ -43,7 +42,7 @@ class Guard:
         self._nodes[station].stopped(why)
         return [f"{station} can do nothing"]
 
-    def look(self, station: str, log: RunLog, arm: int, stop: int, time: float) -> list[str]:
+    def look(self, station: str, log: Any, arm: int, stop: int, time: float) -> list[str]:
         """Looks at what an arm has done since the last look.
 
         Args:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Final, Literal
+from typing import Any, Final, Literal, Protocol
 
 import numpy as np
 
 from dtwin.errors import ParameterError
 from dtwin.line.line import StationPlan
-from dtwin.line.station import FREE, EmulatedStation, WorkTimes, believed_settings
+from dtwin.line.station import FREE, WorkTimes, believed_settings
+from dtwin.line.stations import rehearsal
 from dtwin.logs.collecting import RunLog
 from dtwin.monitoring.estimation.belief import NOISE_FLOOR, assumed
 from dtwin.monitoring.kinds import arm_state
@@ -53,6 +55,36 @@ class Capability:
     ability: Ability
     places: tuple[str, ...]
     why: str
+
+
+class Found(Protocol):
+    """A finding of a monitor."""
+
+    def text(self) -> str:
+        """In words."""
+
+
+class Node(Protocol):
+    """The twin of a station, whatever arm it has; see `NodeTwin`."""
+
+    plan: StationPlan
+    capability: Capability
+
+    @property
+    def times(self) -> WorkTimes:
+        """How long its work takes as long as nothing is wrong."""
+
+    def repaired(self) -> None:
+        """The arm is as it was made to be."""
+
+    def stopped(self, why: str) -> None:
+        """The arm was stopped, and nobody knows yet what it can do."""
+
+    def watch(self, log: Any, arm: int, stopped: bool = False) -> Sequence[Found]:
+        """Looks at what the log of its arm has since the last call; returns what was found out."""
+
+    def state_of(self, finding: Any) -> Literal["failed", "angles unknown"]:
+        """What a finding means to the blocks' safe stop."""
 
 
 class NodeTwin:
@@ -173,14 +205,13 @@ def rehearsed(plan: StationPlan) -> WorkTimes:
 @lru_cache(maxsize=256)
 def _rehearsed(plan: StationPlan) -> WorkTimes:
     """The same, once for all stations that are alike but for what the twin does not know or need."""
-    settings = believed_settings(plan)
-    station, task = EmulatedStation(plan, settings), settings.task
+    station, places, mass = rehearsal(plan)
     now = 0
 
     def brings(colour: str) -> tuple[float, float]:
         """Times at which a box that is brought now is picked and delivered, s."""
         nonlocal now
-        station.give("bring", task.boxes.middle, colour)
+        station.give("bring", mass, colour)
         times: dict[str, float] = {}
         for _ in range(_PATIENCE):
             report = station.advance(1)
@@ -193,7 +224,7 @@ def _rehearsed(plan: StationPlan) -> WorkTimes:
     station.advance(_START)
     now = _START
     grip, carry, back = 0.0, {}, {}
-    for colour in task.colours:
+    for colour in places:
         began = 0.01 * now
         picked, delivered = brings(colour)
         grip, carry[colour] = picked - began, delivered - picked

@@ -15,7 +15,7 @@ from dtwin.line.control import Control, OneResource
 from dtwin.line.line import CYCLE, Assignment, Line
 from dtwin.line.plant import Plant
 from dtwin.line.station import Station, TimedStation, WorkTimes
-from dtwin.line.twins.node import Capability, NodeTwin
+from dtwin.line.twins.node import Capability, Node
 
 WARM_UP: Final = 150.0
 """Time of a simulation that does not count, s."""
@@ -47,7 +47,7 @@ class ZoneTwin:
         nodes: the twins of its stations, by their names.
     """
 
-    def __init__(self, line: Line, number: int, nodes: Mapping[str, NodeTwin]) -> None:
+    def __init__(self, line: Line, number: int, nodes: Mapping[str, Node]) -> None:
         self._name = line.zones[number].name
         self._line, self._number = line, number
         self._nodes = {station.name: nodes[station.name] for station in line.zones[number].stations}

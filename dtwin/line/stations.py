@@ -1,0 +1,60 @@
+"""What the stations of a line are: cells of the thesis's arm, or of any other serial arm that sorts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from dtwin.emulation.faults import parse_fault
+from dtwin.line.chain.cell import arm_cell, believed_chain_settings, chain_settings, check_chain_station
+from dtwin.line.chain.station import ChainStation
+from dtwin.line.line import StationPlan
+from dtwin.line.station import EmulatedStation, Station, believed_settings
+from dtwin.line.system import task_of
+
+Emulated = EmulatedStation | ChainStation
+"""A station with an emulated arm."""
+
+
+def emulated(plan: StationPlan) -> Emulated:
+    """A station with its arm. Raises DtwinError when its cell cannot be."""
+    cell = arm_cell(plan)
+    return EmulatedStation(plan) if cell is None else ChainStation(chain_settings(plan, cell))
+
+
+def rehearsal(plan: StationPlan) -> tuple[Station, tuple[str, ...], float]:
+    """A station with the arm that its controller believes in, the names of its places, and a usual box's mass, kg."""
+    cell = arm_cell(plan)
+    if cell is None:
+        settings = believed_settings(plan)
+        return EmulatedStation(plan, settings), settings.task.colours, settings.task.boxes.middle
+    believed = believed_chain_settings(plan, cell)
+    assert believed.sorting is not None
+    return ChainStation(believed), tuple(believed.sorting.places), believed.sorting.usual
+
+
+def checked_places(plan: StationPlan, heaviest: float) -> tuple[str, ...]:
+    """The names of the places of a station that can work in a line.
+
+    Args:
+        plan: the station.
+        heaviest: mass of the heaviest box of the line, kg.
+
+    Raises:
+        DtwinError: its cell cannot be used, or a fault is none of its arm.
+    """
+    cell = arm_cell(plan)
+    if cell is not None:
+        return check_chain_station(plan, cell, heaviest)
+    for fault in plan.faults:
+        parse_fault(fault)
+    return task_of(plan).colours
+
+
+def places_at(plan: StationPlan) -> Mapping[str, tuple[float, float]]:
+    """Where boxes wait and belong in the cell of a station, m from joint 1, in the plane of an arm that has one."""
+    cell = arm_cell(plan)
+    if cell is None:
+        return {name: (place.x, place.y) for name, place in task_of(plan).all_places.items()}
+    task = chain_settings(plan, cell).sorting
+    assert task is not None
+    return {name: (float(at[0]), float(at[2])) for name, at in {"pickup": task.pick, **task.places}.items()}

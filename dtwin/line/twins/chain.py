@@ -1,0 +1,143 @@
+"""The twin of a station with any other serial arm: what its monitor finds, what it can hold, how long work takes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from dtwin.arm.adjustment import Adjustment
+from dtwin.arm.chain import Arm, holding
+from dtwin.equations.rigid import inverse_dynamics
+from dtwin.line.chain.cell import believed_chain_settings
+from dtwin.line.chain.rows import ArmRows
+from dtwin.line.line import StationPlan
+from dtwin.line.station import FREE, WorkTimes
+from dtwin.line.twins.node import Ability, Capability, rehearsed
+from dtwin.monitoring.chain.finding import ChainFinding
+from dtwin.monitoring.chain.monitor import ArmMonitor
+from dtwin.recovery.chain.answers import answer_to
+from dtwin.recovery.strength import RESERVE
+from dtwin.run.arm_cell import ArmCell
+from dtwin.run.chain import ChainSettings
+
+
+@dataclass(frozen=True, slots=True)
+class ChainFound:
+    """A finding, and the arm that it is of."""
+
+    finding: ChainFinding
+    arm: Arm
+
+    def text(self) -> str:
+        """In words."""
+        return self.finding.text(self.arm)
+
+
+class ChainNodeTwin:
+    """The twin of a station whose arm is another one.
+
+    Its monitor learns the arm from its first work on, so that nothing is known of it before.
+
+    Args:
+        plan: what it is.
+        cell: its cell.
+        lightest, heaviest: masses of the boxes of the line, kg.
+    """
+
+    def __init__(self, plan: StationPlan, cell: ArmCell, lightest: float, heaviest: float) -> None:
+        self.plan = plan
+        self._settings: ChainSettings = believed_chain_settings(plan, cell)
+        self._masses = lightest, heaviest
+        task = self._settings.sorting
+        assert task is not None
+        self._places = tuple(task.places)
+        self._usual = self._shares(heaviest, np.zeros(len(self._settings.arm)))
+        self.capability = self._able()
+        self._monitor: ArmMonitor | None = None
+        self._seen = self._told = 0
+        self._known = False
+
+    @property
+    def times(self) -> WorkTimes:
+        """How long its work takes as long as nothing is wrong."""
+        return rehearsed(self.plan)
+
+    def repaired(self) -> None:
+        """The arm is as it was made to be; it is learned anew from its next work on."""
+        self.capability, self._known, self._monitor = self._able(), False, None
+
+    def stopped(self, why: str) -> None:
+        """The arm was stopped, and nobody knows yet what it can do."""
+        self.capability = Capability("nothing", (), why)
+
+    def watch(self, log: ArmRows, arm: int, stopped: bool = False) -> list[ChainFound]:
+        """Looks at what the log has since the last call; returns what was found out.
+
+        Args:
+            log: log of the station.
+            arm: what the arm does: FREE, OFFERED or HOLDING.
+            stopped: whether it is stopped: what it does then tells nothing of it.
+        """
+        first, self._seen = self._seen, len(log)
+        if self._seen < first:  # the arm has begun anew
+            self._monitor = None
+        if self._known or self._seen <= first or stopped:
+            return []
+        if self._monitor is None:
+            if arm == FREE:
+                return []
+            self._monitor, self._told = ArmMonitor(self._settings.arm), 0
+        if log.forgotten > first:
+            self._monitor.miss(log.forgotten - first)
+        self._monitor.follow(*log.since(first))
+        found = self._monitor.history[self._told :]
+        self._told += len(found)
+        for each in found:
+            self.capability = self.judged(each)
+            self._known = self.capability.ability == "nothing"
+        return [ChainFound(each, self._settings.arm) for each in found]
+
+    def state_of(self, found: ChainFound) -> Literal["failed", "angles unknown"]:
+        """What a finding means to the blocks' safe stop."""
+        return "angles unknown" if found.finding.angles_unknown else "failed"
+
+    def judged(self, found: ChainFinding) -> Capability:
+        """What the arm can do with a finding: nothing where it must stand, else what its drives can hold at rest."""
+        arm = self._settings.arm
+        answer = answer_to(found, arm, Adjustment.none(len(arm)))
+        if answer.measure == "go on":
+            return self.capability
+        if answer.measure == "stop":
+            return Capability("nothing", (), answer.text)
+        lost = np.zeros(len(arm))
+        if found.kind == "K" and found.joint is not None:
+            lost[found.joint - 1] = found.size
+        lightest, heaviest = self._masses
+        heavy, light = (set(self._beyond(mass, lost)) for mass in (heaviest, lightest))
+        places = () if "pickup" in heavy else tuple(place for place in self._places if place not in heavy)
+        ability: Ability = "some places" if places else "nothing"
+        if not heavy:
+            ability = "all"
+        elif not places and not light:
+            ability = "lighter boxes"
+        beyond = f"it cannot hold {heaviest:g} kg at {', '.join(sorted(heavy))}" if heavy else "it can hold every box"
+        return Capability(ability, places, f"{found.text(arm)}: {beyond}")
+
+    def _able(self) -> Capability:
+        return Capability("all", self._places, "nothing is wrong")
+
+    def _beyond(self, mass: float, lost: np.ndarray[tuple[int], np.dtype[np.float64]]) -> list[str]:
+        """The places at which drives that have lost some of their torque hold a mass (kg) without reserve."""
+        shares = self._shares(mass, lost)
+        return [name for name, share in shares.items() if share > max(1.0 - RESERVE, self._usual[name])]
+
+    def _shares(self, mass: float, lost: np.ndarray[tuple[int], np.dtype[np.float64]]) -> dict[str, float]:
+        """Share of its largest torque that the drive with the least left needs at rest, by the place."""
+        arm, poses = self._settings.arm, self._settings.poses.positions
+        still = np.zeros_like(poses)
+        needed = np.abs(inverse_dynamics(holding(arm, mass), poses, still, still))
+        there = np.array([joint.largest for joint in arm.joints]) * np.maximum(1.0 - lost, 1e-9)
+        shares = (needed / there).max(axis=1).reshape(-1, 3).max(axis=1)
+        return dict(zip(("pickup", *self._places), shares.tolist(), strict=True))
