@@ -121,7 +121,7 @@ class CellOptions(PlantOptions, ControlOptions, OtherArmOptions):
         if other is None:
             self._check_plant()
         else:
-            twin = self.monitoring or self.identification or self.simulation or self.recovery is not None
+            twin = self.monitoring or self.identification or self.recovery is not None
             _check_apart("chain.check", [*other.words, *(["--twin"] if twin else [])])
         for path, ending in ((self.log, LOG), (self.record, RECORDING)):
             if path is not None:

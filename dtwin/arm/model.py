@@ -1,12 +1,32 @@
-"""The numbers of a serial arm by which function blocks reckon: bodies, and what drives give and joints lose."""
+"""What the function blocks of a serial arm can be given while they run: the model by which they reckon, a tuning."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:  # Messages carry models, and who only passes them loads no library of numbers.
     from dtwin.arm.chain import Arm
+
+USUAL_POLE: Final = 13.7
+"""Triple pole of the errors of a joint, rad/s."""
+USUAL_OBSERVER: Final = 100.0
+"""Double pole of its observer, rad/s."""
+
+
+@dataclass(frozen=True, slots=True)
+class ArmTuning:
+    """How strongly the blocks feed errors back, and how fast they lead the arm.
+
+    Attributes:
+        pole: triple pole of the errors of every joint, rad/s; drives that are commanded a position have their own.
+        observer: double pole of the observers, rad/s.
+        speed: speeds of the paths in parts of the data sheet's; accelerations follow with its square.
+    """
+
+    pole: float = USUAL_POLE
+    observer: float = USUAL_OBSERVER
+    speed: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,3 +60,16 @@ class ArmModel:
             tuple(float(joint.friction.coulomb) for joint in arm.joints),
             tuple(float(joint.friction.load) for joint in arm.joints),
         )
+
+
+@dataclass(frozen=True, slots=True)
+class ArmSettings:
+    """All that running blocks can be given.
+
+    Attributes:
+        model: the model by which they reckon.
+        tuning: how they control.
+    """
+
+    model: ArmModel
+    tuning: ArmTuning = ArmTuning()

@@ -116,7 +116,7 @@ class JointFace(msgspec.Struct, frozen=True):
 
 
 class ModelFace(msgspec.Struct, frozen=True):
-    """The newest entry in the history of an arm's models; the attributes are those of `JointUpload`."""
+    """The newest entry in the history of an arm's settings; the attributes are those of `JointUpload`."""
 
     version: int
     time: float

@@ -15,14 +15,14 @@ from dataclasses import dataclass
 from typing import Final
 
 from dtwin.arm.adjustment import Adjustment
-from dtwin.arm.model import ArmModel
+from dtwin.arm.model import ArmModel, ArmSettings
 from dtwin.bus.chain.messages import JointAdjustment, JointCommands, JointModel, JointSensors
 from dtwin.bus.messages import ADJUSTED, ADJUSTMENT, EVENTS, JOINT_COMMANDS, JOINT_SENSORS, MODEL, State
 from dtwin.console.people.desk import keep_desk
 from dtwin.controller.application import TIMEOUT
 from dtwin.controller.chain.application import inputs
 from dtwin.controller.chain.embedded import ChainController
-from dtwin.controller.chain.model import model_inputs
+from dtwin.controller.chain.model import held_inputs
 from dtwin.equations.rigid import usual_inertia
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.run.chain import ChainSettings
@@ -34,7 +34,7 @@ from dtwin.services.parts.stopping.watchdog import Watchdog
 from dtwin.services.parts.strides import GAP
 from dtwin.services.service import Link, Service, main
 from dtwin.signals import STOPS, ArmState, Event, EventKind, Stop
-from dtwin.simulation.chain.checks import check_model
+from dtwin.simulation.chain.checks import check_settings
 from iec61499.net.address import Address, parse_address
 
 log = logging.getLogger(__name__)
@@ -96,7 +96,7 @@ class ArmBridge:
             self._blocks = DeviceBlocks(device, len(settings.arm), lambda: self._inputs, patience)
         joints = Adjustment.none(len(settings.arm))
         self._in_force = JointAdjustment(NAME, _DATA_SHEET, joints.offset, joints.strength, joints.friction)
-        self._model = JointModel(NAME, _DATA_SHEET, ArmModel.of(settings.arm))
+        self._model = JointModel(NAME, _DATA_SHEET, ArmModel.of(settings.arm), settings.control.tuning)
         self._last: JointCommands | None = None
         self._before: JointSensors | None = None
         self._answered = self._skipped = 0
@@ -178,18 +178,18 @@ class ArmBridge:
         self._tell_adjusted(wished)
 
     def _reckon(self, wished: JointModel) -> JointModel:
-        """Lets the blocks reckon with another model, between two samples, on Zenoh's thread.
+        """Gives the blocks another model and tuning, between two samples, on Zenoh's thread.
 
         Raises:
             ParameterError: it is for another number of joints, or out of bounds.
         """
-        arm = check_model(self._settings.arm, wished.model)
-        inertia = usual_inertia(arm)
-        changed, anew = model_inputs(arm, inertia), inputs(arm, inertia, self._settings.control, self._settings.poses)
+        arm = check_settings(self._settings, ArmSettings(wished.model, wished.tuning))
+        inertia, control = usual_inertia(arm), self._settings.control.tuned(wished.tuning)
+        changed, anew = held_inputs(arm, inertia, control), inputs(arm, inertia, control, self._settings.poses)
         with self._stops.answering:
             self._inputs, self._model = anew, wished
             self._blocks.reckon_with(changed)
-        self._tell(Event(self._time(), EventKind.UPLOAD, f"model of {wished.who}: {wished.why}"[:1000]))
+        self._tell(Event(self._time(), EventKind.UPLOAD, f"settings of {wished.who}: {wished.why}"[:1000]))
         return wished
 
     def _begin_anew(self, sample: JointSensors, why: str) -> None:
@@ -239,7 +239,7 @@ class OwnBlocks:
             self._controller.adjust(found)
 
     def reckon_with(self, values: Mapping[str, float]) -> None:
-        """Lets these blocks reckon with another model; those that come in their place are made with it."""
+        """Gives these blocks another model and tuning; those that come in their place are made with them."""
         with self._lock:
             self._controller.reckon_with(values)
 

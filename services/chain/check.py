@@ -20,12 +20,12 @@ class Options(ArmCellOptions):
     """Make the arm of the options and the values of its blocks, without running it."""
 
     twin: bool = False
-    """Whether services of the twin watch, identify or simulate it."""
+    """Whether services of the twin watch or identify it."""
 
     def run(self) -> int:
         settings = self.settings()
         if self.twin:
-            without_servos(settings.arm, "--monitoring, --identification, --simulation and --recovery")
+            without_servos(settings.arm, "--monitoring, --identification and --recovery")
         inputs(settings.arm, usual_inertia(settings.arm), settings.control, settings.poses)
         return 0
 

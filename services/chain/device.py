@@ -88,7 +88,7 @@ class DeviceBlocks:
             self._twin.exchange(found.message)
 
     def reckon_with(self, values: Mapping[str, float]) -> None:
-        """Lets the blocks reckon with another model; no sample may be on its way meanwhile."""
+        """Gives the blocks another model and tuning; no sample may be on its way meanwhile."""
         with self._lock:
             for name, value in values.items():
                 self._application.write(name, value)

@@ -227,7 +227,7 @@ class Identifying:
         except CommunicationError as error:
             log.warning("%s", error)
             return f"not uploaded: {error}"
-        return f"on trial in the blocks as version {answer.version} of their model"
+        return f"on trial in the blocks as version {answer.version} of their settings"
 
     def _enter(self, state: IdentificationState) -> None:
         if state.phase != self._state.phase or state.samples == 0:

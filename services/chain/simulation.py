@@ -1,6 +1,6 @@
-"""Lets the running blocks of an arm of n joints reckon with another model: checked on the twin, on trial, versioned.
+"""Gives the running blocks of an arm of n joints another model or tuning: checked on the twin, on trial, versioned.
 
-A model that the blocks have forgotten, because others are in their place, is given to them again.
+What the blocks have forgotten, because others are in their place, is given to them again.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from dtwin.arm.model import ArmModel
+from dtwin.arm.model import ArmModel, ArmSettings
 from dtwin.bus.chain.messages import (
     JointAdjustment,
     JointModel,
@@ -48,10 +48,10 @@ WAIT: Final = 0.2
 
 @dataclass(frozen=True, kw_only=True)
 class Options(ArmCellOptions, Link):
-    """Upload models to the blocks of a running arm."""
+    """Upload models and tunings to the blocks of a running arm."""
 
     history: Path = HISTORY
-    """File for the history of the models."""
+    """File for the history of the settings."""
 
     def run(self) -> int:
         settings = self.settings()
@@ -70,13 +70,14 @@ class BridgePort:
     def __init__(self, bus: Bus) -> None:
         self._bus = bus
 
-    def send(self, who: str, why: str, model: ArmModel) -> None:
+    def send(self, who: str, why: str, settings: ArmSettings) -> None:
         """Raises CommunicationError when the bridge does not answer, or refuses."""
-        self._bus.ask(MODEL, JointModel(who, why[:1000], model), JointModel)
+        self._bus.ask(MODEL, JointModel(who, why[:1000], settings.model, settings.tuning), JointModel)
 
-    def read_back(self) -> ArmModel:
+    def read_back(self) -> ArmSettings:
         """Raises CommunicationError when the bridge does not answer."""
-        return self._bus.ask(MODEL, None, JointModel).model
+        found = self._bus.ask(MODEL, None, JointModel)
+        return ArmSettings(found.model, found.tuning)
 
 
 class _Mark:
@@ -89,7 +90,7 @@ class Uploading:
     Args:
         service: frame of the service.
         settings: run of the arm.
-        history: history of the models.
+        history: history of the settings.
     """
 
     def __init__(self, service: Service, settings: ChainSettings, history: ArmHistory) -> None:
@@ -115,7 +116,7 @@ class Uploading:
         """Works until it is asked to end."""
         service = self._service
         check = partial(expected_tracking, self._settings)
-        prepare(service, [("the checks of models", partial(check, ArmModel.of(self._settings.arm)))])
+        prepare(service, [("the checks of settings", partial(check, self._sheet()))])
         while self._uploads is None and not service.stopping:
             try:
                 self._uploads = ArmUploads(BridgePort(service.bus), self._history, check)
@@ -140,7 +141,10 @@ class Uploading:
     def _predict(self, question: JointQuestion) -> JointPredicted:
         """Answers on a thread of its own, beside everything else: nothing is changed."""
         last = self._there().last
-        return self._predicting.answer(question, last.version, last.model)
+        return self._predicting.answer(question, last.version, last.settings)
+
+    def _sheet(self) -> ArmSettings:
+        return ArmSettings(ArmModel.of(self._settings.arm), self._settings.control.tuning)
 
     def _judge(self, passed: JointTicks) -> None:
         self._predicting.receive(passed)
@@ -167,7 +171,7 @@ class Uploading:
         with self._lock:
             try:
                 if self._uploads is not None and self._uploads.look_again():
-                    text = f"the blocks have got version {self._uploads.version} of their model again"
+                    text = f"the blocks have got version {self._uploads.version} of their settings again"
                     self._publish(Event(self._time, EventKind.RESTORED, text))
             except DtwinError as error:
                 log.warning("%s", error)
@@ -178,11 +182,14 @@ class Uploading:
     def _answer(self, asked: JointUploadRequest) -> JointUpload:
         """Answers on a thread of its own: a check may take longer than a tick."""
         uploads = self._there()
-        if (asked.model is None) == (asked.version is None):
-            raise ParameterError("upload: expected either a model or the version of an earlier one")
+        if (asked.model is None and asked.tuning is None) == (asked.version is None):
+            raise ParameterError("upload: expected either a model, a tuning or both, or the version of earlier ones")
         with self._lock:
-            model = asked.model or uploads.earlier(asked.version or 0)
-            return self._changed(lambda: uploads.upload(asked.who, asked.why, asked.based_on, model, self._time))
+            now = uploads.settings
+            wished = ArmSettings(asked.model or now.model, asked.tuning or now.tuning)
+            if asked.version is not None:
+                wished = uploads.earlier(asked.version)
+            return self._changed(lambda: uploads.upload(asked.who, asked.why, asked.based_on, wished, self._time))
 
     def _roll_back(self, asked: RollBackRequest) -> JointUpload:
         uploads = self._there()
@@ -195,7 +202,7 @@ class Uploading:
         try:
             action()
         finally:
-            self._marks += 1  # what waits in the inbox is of the model before
+            self._marks += 1  # what waits in the inbox is of the settings before
             self._service.inbox.put(_Mark())
             if uploads.last is not before:
                 self._tell(uploads.last)
@@ -208,7 +215,7 @@ class Uploading:
 
     def _tell(self, entry: ArmEntry) -> None:
         self._done += 1
-        text = f"version {entry.version} of the model: {entry.text or entry.why}"
+        text = f"version {entry.version} of the settings: {entry.text or entry.why}"
         log.info("%s: %s", entry.action, text)
         self._publish(Event(entry.time, EventKind(entry.action), text[:1000]))
 
@@ -217,7 +224,15 @@ def _message(uploads: ArmUploads) -> JointUpload:
     last = uploads.last
     text = last.text or last.why
     return JointUpload(
-        last.version, last.time, last.action, text, uploads.on_trial, last.model, last.predicted, last.measured
+        last.version,
+        last.time,
+        last.action,
+        text,
+        uploads.on_trial,
+        last.model,
+        last.predicted,
+        last.measured,
+        last.tuning,
     )
 
 

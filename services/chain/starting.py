@@ -177,7 +177,7 @@ def _console_options(other: OtherArm, options: Any, port: int) -> list[str]:
 
 
 def history_of(history: Path, key: str) -> Path:
-    """The file of the history of an arm's models beside that of the settings of the thesis's arm."""
+    """The file of the history of an arm's settings beside that of the settings of the thesis's arm."""
     return history.with_name(f"{history.stem}-{key}{history.suffix}")
 
 

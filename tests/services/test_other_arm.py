@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from dtwin.arm.file import MODELS
-from dtwin.arm.model import ArmModel
+from dtwin.arm.model import ArmModel, ArmTuning
 from dtwin.arm.modelled import with_model
 from dtwin.bus.chain.messages import JointAdjustment, JointModel, JointSensors, JointUpload
 from dtwin.bus.messages import (
@@ -183,6 +183,22 @@ def test_the_twin_of_a_running_arm_answers_what_if(desk: Desk, tmp_path: Path) -
     assert found["version"] == 1
     assert "modulus" in desk.run(*question)
     assert "pole: expected 1 to 60 rad/s" in desk.run("simulate", "--live", "--pole", "80", status=2)
+    upload = ["upload", "arm", "--who", "ann", "--why", "calmer"]
+    assert "speed: expected 0.1 to 1 of the data sheet's" in desk.run(*upload, "--speed", "1.2", status=2)
+    assert "expected a file, --pole, --observer or --speed" in desk.run(*upload, status=2)
+    tried = json.loads(desk.run(*upload, "--pole", "11", "--speed", "0.8"))
+    assert (tried["version"], tried["tuning"]) == (2, {"pole": 11.0, "observer": 100.0, "speed": 0.8})
+    with join("cell") as bus:
+        until(lambda: not bus.ask(ARM_UPLOAD, None, JointUpload).on_trial, "the trial is over", 60.0)
+        assert bus.ask(ARM_UPLOAD, None, JointUpload).action == "confirm"
+        wrong = JointModel("test", "far too stiff", ArmModel.of(ARM), ArmTuning(pole=1e4))
+        with pytest.raises(CommunicationError, match="pole: expected 1 to 60 rad/s"):
+            bus.ask(MODEL, wrong, JointModel)
+        assert bus.ask(MODEL, None, JointModel).tuning == ArmTuning(pole=11.0, speed=0.8)
+    history = desk.run("history")
+    assert "refuse settings by ann: calmer" in history
+    assert "version 2  upload settings by ann: calmer" in history
+    assert "pole 11 rad/s, observer 100 rad/s, speed 0.8" in history
     assert "--kp: has no meaning for another arm" in desk.run("simulate", "--live", "--kp", "1", "2", "3", status=2)
 
 
@@ -194,7 +210,7 @@ def test_another_arm_is_identified_while_it_works_and_its_blocks_get_the_model(d
     assert "expected --source motion" in refused
     live = ["identify", "live", "--source", "motion", "--accept", "--name", "found"]
     said = desk.run(*live, "--upload")
-    assert "on trial in the blocks as version 2 of their model" in said
+    assert "on trial in the blocks as version 2 of their settings" in said
     found = ArmModel.of(arm_of(str(tmp_path / "store" / "found.toml")))
     truth, sheet = (ArmModel.of(arm) for arm in (drawn(ARM, 7), ARM))
     assert found.constant == pytest.approx(truth.constant, rel=0.2)
@@ -221,8 +237,8 @@ def test_another_arm_is_identified_while_it_works_and_its_blocks_get_the_model(d
     assert "nothing is on trial" in desk.run("upload", "rollback", "--why", "no", status=2)
     history = desk.run("history")
     for line in (
-        "version 2  upload model by identification",
-        "version 3  upload model by ann",
+        "version 2  upload settings by identification",
+        "version 3  upload settings by ann",
         "version 4  roll back",
     ):
         assert line in history

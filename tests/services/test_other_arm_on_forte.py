@@ -7,7 +7,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from dtwin.arm.model import ArmModel
+from dtwin.arm.model import ArmModel, ArmTuning
 from dtwin.bus.chain.messages import JointAdjustment, JointModel
 from dtwin.bus.messages import ADJUSTMENT, EVENTS, FAULT, MODEL, MONITORING, Done, FaultRequest
 from dtwin.bus.twin_messages import MonitoringVerdict
@@ -54,7 +54,8 @@ def test_recovery_and_uploads_reach_the_blocks_on_a_forte(desk: Desk, tmp_path: 
             bus.subscribe(MONITORING, MonitoringVerdict, verdicts.append)
             bus.subscribe(EVENTS, Event, events.append)
             arm = arm_of("planar-2r")
-            model = JointModel("test", "as it really is", ArmModel.of(drawn(arm, 7)))
+            tuning = ArmTuning(pole=11.0, speed=0.9)
+            model = JointModel("test", "as it really is", ArmModel.of(drawn(arm, 7)), tuning)
             assert bus.ask(MODEL, model, JointModel) == model
             until(lambda: verdicts and verdicts[-1].units["joint 1"].state == "nominal", "the arm is known", 120.0)
             bus.ask(FAULT, FaultRequest(("K1*=0.7@0",)), Done)

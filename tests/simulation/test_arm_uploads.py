@@ -1,27 +1,29 @@
 """Uploads of models to the blocks of an arm: checked, tried, taken back, and what outlives the end of a process."""
 
+import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from dtwin.arm.model import ArmModel
+from dtwin.arm.model import ArmModel, ArmSettings, ArmTuning
 from dtwin.arm.modelled import with_model
 from dtwin.controller.chain.application import Control, inputs
 from dtwin.controller.chain.embedded import ChainController
-from dtwin.controller.chain.model import model_inputs
+from dtwin.controller.chain.model import held_inputs
 from dtwin.emulation.chain.arms import arm_of
 from dtwin.emulation.chain.machine import drawn
 from dtwin.equations.rigid import usual_inertia
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.run.arm_cell import ArmCell
-from dtwin.simulation.chain.checks import expected_tracking
+from dtwin.simulation.chain.checks import check_settings, expected_tracking
 from dtwin.simulation.chain.history import ArmHistory
 from dtwin.simulation.chain.upload import ArmUploads
 
 ARM = arm_of("planar-2r")
-SHEET = ArmModel.of(ARM)
-OTHER = ArmModel.of(drawn(ARM, 7))
+SHEET = ArmSettings(ArmModel.of(ARM))
+OTHER = ArmSettings(ArmModel.of(drawn(ARM, 7)), ArmTuning(pole=10.0, speed=0.8))
 EXPECTED = (0.01, 0.02)
 
 
@@ -29,20 +31,20 @@ class FakeBlocks:
     """Blocks that take what they are told, or nothing."""
 
     def __init__(self) -> None:
-        self.model = SHEET
+        self.settings = SHEET
         self.deaf = False
 
-    def send(self, who: str, why: str, model: ArmModel) -> None:
+    def send(self, who: str, why: str, settings: ArmSettings) -> None:
         if self.deaf:
             raise CommunicationError("no answer")
-        self.model = model
+        self.settings = settings
 
-    def read_back(self) -> ArmModel:
-        return self.model
+    def read_back(self) -> ArmSettings:
+        return self.settings
 
 
 def uploads(path: Path, blocks: FakeBlocks) -> ArmUploads:
-    return ArmUploads(blocks, ArmHistory(path / "history.jsonl"), lambda model: EXPECTED)
+    return ArmUploads(blocks, ArmHistory(path / "history.jsonl"), lambda settings: EXPECTED)
 
 
 def moved(found: ArmUploads, begin: float, error: float, seconds: float = 20.0) -> list[str]:
@@ -61,7 +63,7 @@ def test_a_model_that_tracks_as_predicted_is_confirmed(tmp_path: Path) -> None:
     blocks = FakeBlocks()
     found = uploads(tmp_path, blocks)
     entry = found.upload("ann", "identified", 1, OTHER, 5.0)
-    assert (entry.version, entry.predicted, blocks.model) == (2, EXPECTED, OTHER)
+    assert (entry.version, entry.predicted, blocks.settings) == (2, EXPECTED, OTHER)
     assert moved(found, 5.0, 0.005) == ["confirm"]
     assert [e.action for e in ArmHistory(tmp_path / "history.jsonl").entries()] == ["start", "upload", "confirm"]
     assert found.last.measured == pytest.approx((0.005, 0.0))
@@ -72,7 +74,7 @@ def test_a_model_that_tracks_worse_is_taken_back(tmp_path: Path) -> None:
     found = uploads(tmp_path, blocks)
     found.upload("ann", "wrong", 1, OTHER, 5.0)
     assert moved(found, 5.0, 0.2) == ["roll back"]
-    assert blocks.model == SHEET
+    assert blocks.settings == SHEET
     assert (found.version, "joint 1 is 0.2 rad from its path" in found.last.why) == (3, True)
 
 
@@ -89,9 +91,9 @@ def test_a_trial_begins_anew_where_the_blocks_had_forgotten_the_model(tmp_path: 
     found = uploads(tmp_path, blocks)
     found.upload("ann", "identified", 1, OTHER, 5.0)
     assert moved(found, 5.0, 0.005, 9.0) == []
-    blocks.model = SHEET  # others have come in their place, and nobody has looked yet
+    blocks.settings = SHEET  # others have come in their place, and nobody has looked yet
     assert moved(found, 14.0, 0.005, 9.0) == []
-    assert (blocks.model, found.on_trial) == (OTHER, True)
+    assert (blocks.settings, found.on_trial) == (OTHER, True)
     assert moved(found, 23.0, 0.005) == ["confirm"]
 
 
@@ -130,13 +132,13 @@ def test_blocks_that_refuse_or_forget_do_not_part_from_the_history(tmp_path: Pat
     blocks.deaf = True
     with pytest.raises(CommunicationError):
         found.upload("ann", "deaf", 1, OTHER, 1.0)
-    assert (found.model, found.on_trial) == (SHEET, False)
+    assert (found.settings, found.on_trial) == (SHEET, False)
     blocks.deaf = False
     found.upload("ann", "again", found.version, OTHER, 2.0)
     assert not found.look_again()
-    blocks.model = SHEET  # others are in their place
+    blocks.settings = SHEET  # others are in their place
     assert found.look_again()
-    assert blocks.model == OTHER
+    assert blocks.settings == OTHER
 
 
 def test_a_trial_that_the_end_of_a_process_cut_short_is_taken_up(tmp_path: Path) -> None:
@@ -145,7 +147,7 @@ def test_a_trial_that_the_end_of_a_process_cut_short_is_taken_up(tmp_path: Path)
     again = uploads(tmp_path, blocks)
     assert (again.version, again.on_trial) == (2, True)
     assert moved(again, 9.0, 0.2) == ["roll back"]
-    assert blocks.model == SHEET
+    assert blocks.settings == SHEET
 
 
 def test_blocks_that_get_a_model_answer_as_blocks_that_were_made_with_it() -> None:
@@ -154,7 +156,7 @@ def test_blocks_that_get_a_model_answer_as_blocks_that_were_made_with_it() -> No
     control, inertia = Control(), usual_inertia(other)
     told = ChainController(len(arm), inputs(arm, usual_inertia(arm), control, None))
     made = ChainController(len(arm), inputs(other, inertia, control, None))
-    told.reckon_with(model_inputs(other, inertia))
+    told.reckon_with(held_inputs(other, inertia, control))
     generator = np.random.default_rng(1)
     q = np.zeros(len(arm))
     for _ in range(50):
@@ -167,3 +169,64 @@ def test_the_twin_expects_an_arm_to_follow_its_path_and_refuses_what_its_drives_
     expected = expected_tracking(settings, SHEET)
     assert len(expected) == 2
     assert 0.0 < max(expected) < 0.05
+
+
+def test_blocks_that_get_a_tuning_lead_the_arm_as_blocks_that_were_made_with_it() -> None:
+    arm, poses = arm_of("planar-2r"), ArmCell(arm="planar-2r").settings(1.0).poses
+    inertia, tuned = usual_inertia(arm), Control().tuned(ArmTuning(pole=9.0, observer=60.0, speed=0.5))
+    told = ChainController(len(arm), inputs(arm, inertia, Control(), poses))
+    made = ChainController(len(arm), inputs(arm, inertia, tuned, poses))
+    usual = ChainController(len(arm), inputs(arm, inertia, Control(), poses))
+    told.reckon_with(held_inputs(arm, inertia, tuned))
+    fastest = np.zeros(2)
+    for k in range(300):
+        q = (poses.positions[0] + 1e-4 * k).tolist()
+        assert told.step(q) == made.step(q)
+        usual.step(q)
+        fastest = np.maximum(fastest, [np.abs(blocks.desired()[1]).max() for blocks in (told, usual)])
+    assert fastest[0] < 0.7 * fastest[1]
+
+
+def test_the_twin_tries_a_tuning_in_the_arms_own_motion() -> None:
+    settings = ArmCell(arm="planar-2r", machine="nominal").settings(10.0)
+    weak = expected_tracking(settings, replace(SHEET, tuning=ArmTuning(pole=8.0)))
+    assert max(weak) > max(expected_tracking(settings, SHEET))
+    with pytest.raises(ParameterError, match="the loop of shoulder would not be stable"):
+        expected_tracking(settings, replace(SHEET, tuning=ArmTuning(observer=20.0)))
+
+
+@pytest.mark.parametrize(
+    ("arm", "tuning", "said"),
+    [
+        ("planar-2r", ArmTuning(pole=80.0), "pole: expected 1 to 60 rad/s, got 80"),
+        ("planar-2r", ArmTuning(pole=float("nan")), "pole: expected 1 to 60 rad/s, got nan"),
+        ("planar-2r", ArmTuning(observer=1.0), "observer: expected 10 to 500 rad/s, got 1"),
+        ("planar-2r", ArmTuning(speed=1.2), "speed: expected 0.1 to 1 of the data sheet's, .* got 1.2"),
+        ("servo-2r", ArmTuning(pole=10.0), "the drive of shoulder has a loop of its own: expected a speed alone"),
+    ],
+)
+def test_a_tuning_out_of_bounds_is_refused(arm: str, tuning: ArmTuning, said: str) -> None:
+    settings = ArmCell(arm=arm).settings(1.0)
+    with pytest.raises(ParameterError, match=said):
+        check_settings(settings, ArmSettings(ArmModel.of(settings.arm), tuning))
+
+
+def test_a_path_with_times_of_its_own_has_no_other_speed() -> None:
+    settings = ArmCell(arm="planar-2r").settings(1.0)
+    followed = replace(settings, poses=replace(settings.poses, spacing=0.5))
+    with pytest.raises(ParameterError, match="in the time that its file says: expected 1, got"):
+        check_settings(followed, replace(SHEET, tuning=ArmTuning(speed=0.5)))
+
+
+def test_a_drive_with_its_own_loop_is_tried_at_another_speed() -> None:
+    settings = ArmCell(arm="servo-2r", machine="nominal").settings(10.0)
+    assert max(expected_tracking(settings, ArmSettings(ArmModel.of(settings.arm), ArmTuning(speed=0.5)))) < 0.01
+
+
+def test_a_history_without_tunings_is_read_as_one_with_the_usual_one(tmp_path: Path) -> None:
+    file = tmp_path / "history.jsonl"
+    uploads(tmp_path, FakeBlocks())
+    content = json.loads(file.read_text())
+    del content["tuning"]
+    file.write_text(json.dumps(content) + "\n")
+    assert ArmHistory(file).entries()[0].settings == SHEET

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dtwin.arm.chain import Arm, Array, Friction, holding
-from dtwin.arm.model import ArmModel
+from dtwin.arm.model import ArmModel, ArmSettings
 from dtwin.bus.chain.messages import JointCommands, JointQuestion, JointSensors, JointTick, JointTicks
 from dtwin.emulation.chain.arms import arm_of
 from dtwin.emulation.chain.plant import ChainPlant
@@ -133,7 +133,7 @@ def test_predictions_stand_beside_what_was_measured() -> None:
     given = settings()
     predicting, model = Predicting(given), ArmModel.of(given.arm)
     with pytest.raises(CommunicationError, match="no sample"):
-        predicting.answer(JointQuestion(), 3, model)
+        predicting.answer(JointQuestion(), 3, ArmSettings(model))
     where = tuple(map(float, given.poses.positions[0]))
 
     def tick(k: int, off: float) -> JointTick:
@@ -141,13 +141,13 @@ def test_predictions_stand_beside_what_was_measured() -> None:
         return JointTick(sensors, JointCommands(k, sensors.time, (0.0, 0.0), (where[0] + off, where[1])))
 
     predicting.receive(JointTicks((tick(0, 0.0),)))
-    assert predicting.answer(JointQuestion(), 3, model).measured is None
+    assert predicting.answer(JointQuestion(), 3, ArmSettings(model)).measured is None
     for k in range(1, round(SPAN / given.arm.period) + 1):
         predicting.receive(JointTicks((tick(k, 0.002 * (k == 40)),)))
-    found = predicting.answer(JointQuestion(pole=8.0), 3, model)
+    found = predicting.answer(JointQuestion(pole=8.0), 3, ArmSettings(model))
     assert found.version == 3
     assert found.measured == pytest.approx((0.002, 0.0))
     assert max(found.proposed.tracking) > max(found.now.tracking) > 0.0
     assert found.now.stable
     predicting.receive(JointTicks((tick(0, 0.0),)))
-    assert predicting.answer(JointQuestion(), 3, model).measured is None
+    assert predicting.answer(JointQuestion(), 3, ArmSettings(model)).measured is None

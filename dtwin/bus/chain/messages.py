@@ -9,7 +9,7 @@ from typing import Annotated, Final
 
 import msgspec
 
-from dtwin.arm.model import ArmModel
+from dtwin.arm.model import ArmModel, ArmTuning
 from dtwin.signals import SCHEMA, Count, Line, Seconds, Word
 
 MOST_JOINTS: Final = 64
@@ -89,28 +89,31 @@ class JointAdjustment(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEM
 
 
 class JointModel(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
-    """The model by which the blocks of an arm reckon, wished by whoever asks, or in force.
+    """The model by which the blocks of an arm reckon, and their tuning, wished by whoever asks, or in force.
 
     Attributes:
         who: who wants it.
         why: reason in the words of who asks.
         model: the model.
+        tuning: the tuning; the usual one if left out.
     """
 
     who: Word
     why: Line
     model: ArmModel
+    tuning: ArmTuning = ArmTuning()
 
 
 class JointUploadRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
-    """Another model for the running blocks of an arm.
+    """Another model, another tuning or both for the running blocks of an arm; what is None stays as it is.
 
     Attributes:
         who: who wants it.
         why: reason in the words of who asks.
         based_on: version that they have seen.
-        model: the model; None for an earlier one.
-        version: version of the history whose model shall be in force again.
+        model: the model.
+        version: version of the history whose settings shall be in force again; then model and tuning are None.
+        tuning: the tuning.
     """
 
     who: Word
@@ -118,6 +121,7 @@ class JointUploadRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SC
     based_on: Count
     model: ArmModel | None = None
     version: Count | None = None
+    tuning: ArmTuning | None = None
 
 
 class JointQuestion(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
@@ -126,14 +130,15 @@ class JointQuestion(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA)
     Attributes:
         pole: triple pole of the errors of every joint, rad/s; as it is if None.
         observer: double pole of the observers, rad/s; as it is if None.
-        speed: speeds of the paths in parts of what they are; accelerations follow with its square.
+        speed: speeds of the paths in parts of the data sheet's; accelerations follow with its square; as they are if
+            None.
         payload: mass that hangs on the tool without the blocks knowing, kg.
         model: model of the blocks; that in force if None.
     """
 
     pole: float | None = None
     observer: float | None = None
-    speed: float = 1.0
+    speed: float | None = None
     payload: float = 0.0
     model: ArmModel | None = None
 
@@ -166,7 +171,7 @@ class JointPredicted(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA
     """What the twin expects of settings beside those in force.
 
     Attributes:
-        version: version of the model in force.
+        version: version of the settings in force.
         span: time that the twin worked, and for which the arm was measured, s.
         now: with the settings in force.
         proposed: with those that were asked about.
@@ -181,17 +186,18 @@ class JointPredicted(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA
 
 
 class JointUpload(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
-    """The newest entry in the history of an arm's models, and what is in force.
+    """The newest entry in the history of an arm's settings, and what is in force.
 
     Attributes:
-        version: version of the model in force.
+        version: version of the settings in force.
         time: plant time of the entry, s.
         action: start, upload, refuse, confirm or roll back.
         text: what came of it, or why it was done.
-        on_trial: whether the model is still being watched.
+        on_trial: whether they are still being watched.
         model: model in force.
         predicted: largest distance of each joint from its path that the twin expects, rad or m.
         measured: the same in the trial; None before its end.
+        tuning: tuning in force.
     """
 
     version: Count
@@ -202,3 +208,4 @@ class JointUpload(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
     model: ArmModel
     predicted: Joints | None = None
     measured: Joints | None = None
+    tuning: ArmTuning = ArmTuning()

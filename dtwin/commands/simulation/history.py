@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from dtwin.arm.model import ArmModel
+from dtwin.arm.model import ArmModel, ArmTuning
 from dtwin.errors import RecordingError
 from dtwin.services import runfile
 from dtwin.services.chain.starting import history_of
@@ -35,14 +35,16 @@ class ShowHistory:
             print_json({"entries": entries})
             return 0
         for entry in entries:
-            kind = entry.kind if isinstance(entry, Entry) else "model"
+            kind = entry.kind if isinstance(entry, Entry) else "settings"
             what = f"{entry.action} {kind}".strip()
             reason = f": {entry.why}" if entry.why else ""
             print(printable(f"{entry.time:10.2f} s  version {entry.version}  {what} by {entry.who}{reason}"))
             if entry.text:
                 print(printable(f"{'':14}{entry.text}"))
             if entry.action in ("start", "upload", "roll back"):
-                print(f"{'':14}{_settings(entry) if isinstance(entry, Entry) else _model(entry.model)}")
+                print(
+                    f"{'':14}{_settings(entry) if isinstance(entry, Entry) else _of_arm(entry.model, entry.tuning)}"
+                )
         return 0
 
     def _of_cell(self) -> Path:
@@ -67,10 +69,11 @@ def _entries(file: Path) -> list[Entry] | list[ArmEntry]:
             raise error from None
 
 
-def _model(model: ArmModel) -> str:
+def _of_arm(model: ArmModel, tuning: ArmTuning) -> str:
     mass = sum(body[0] for body in model.bodies)
     lost = f"viscous {_list(model.viscous)}, coulomb {_list(model.coulomb)}"
-    return f"{mass:.4g} kg, constants {_list(model.constant)}, {lost}"
+    how = f"pole {tuning.pole:g} rad/s, observer {tuning.observer:g} rad/s, speed {tuning.speed:g}"
+    return f"{how}, {mass:.4g} kg, constants {_list(model.constant)}, {lost}"
 
 
 def _settings(entry: Entry) -> str:

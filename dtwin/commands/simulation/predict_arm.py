@@ -42,8 +42,7 @@ def predict_arm(options: Any) -> int:
             name = field.name.replace("_", "-")
             raise ParameterError(f"--{name}: has no meaning for another arm than the thesis's: expected {known}")
     model = None if options.model is None else ArmModel.of(arm_of(options.model))
-    speed, payload = options.speed or 1.0, options.payload or 0.0
-    question = JointQuestion(options.pole, options.observer, speed, payload, model)
+    question = JointQuestion(options.pole, options.observer, options.speed, options.payload or 0.0, model)
     with join(options.cell) as bus:
         found = bus.ask(ARM_PREDICT, question, JointPredicted)
     if options.json:

@@ -106,7 +106,7 @@ class Simulate(CompensationOptions, CellFileOption, RuntimeOption):
     observer: float | None = None
     """With --live and another arm: double pole of its observers, rad/s."""
     speed: float | None = None
-    """With --live and another arm: speeds of its paths in parts of what they are."""
+    """With --live and another arm: speeds of its paths in parts of the data sheet's."""
 
     def execute(self) -> int:
         if self.live and is_other(self.cell):

@@ -19,6 +19,7 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from dtwin.arm.chain import Arm, Array, aligned
+from dtwin.arm.model import USUAL_OBSERVER, USUAL_POLE, ArmTuning
 from dtwin.arm.poses import Poses
 from dtwin.controller.chain.joints import WIDE, XYZ, drive, link, points, servo_gains
 from dtwin.controller.ports import BLOCKS
@@ -69,17 +70,28 @@ class Control:
         observer: double pole of the observers, rad/s.
         delay: time from a sample until its command acts that the blocks reckon with, s.
         following: largest distance of a joint from its path, rad or m, beyond which the arm is stopped.
+        speed: speeds of the paths in parts of the joints'; accelerations follow with its square.
     """
 
-    pole: float = 13.7
-    observer: float = 100.0
+    pole: float = USUAL_POLE
+    observer: float = USUAL_OBSERVER
     delay: float = 0.0
     following: float = 0.5
+    speed: float = 1.0
 
     @property
     def gains(self) -> tuple[float, float, float]:
         """KP (1/s^2), KI (1/s^3) and KD (1/s) of the triple pole."""
         return 3.0 * self.pole**2, self.pole**3, 3.0 * self.pole
+
+    @property
+    def tuning(self) -> ArmTuning:
+        """What of it can be changed while the blocks run."""
+        return ArmTuning(self.pole, self.observer, self.speed)
+
+    def tuned(self, tuning: ArmTuning) -> Control:
+        """The same with another tuning."""
+        return replace(self, pole=tuning.pole, observer=tuning.observer, speed=tuning.speed)
 
 
 def joint_name(number: int) -> str:
@@ -332,6 +344,8 @@ def inputs(arm: Arm, inertia: Array, control: Control, poses: Poses | None) -> d
         gains = control.gains if not arm.servos else servo_gains(arm, k, float(inertia[k]))
         own |= dict(zip(("KP", "KI", "KD"), gains, strict=True))
         own |= {"BANDWIDTH": control.observer, "DELAY": control.delay, "TS": arm.period}
+        own["SPEED"] *= control.speed
+        own["ACCELERATION"] *= control.speed**2
         if not k:
             own |= {f"A{x}": float(-g) for x, g in zip(XYZ, arm.gravity, strict=True)}
         values |= {f"{joint_name(k)}.{name}": value for name, value in own.items()}

@@ -78,7 +78,7 @@ class ChainController:
         self._twin(found.message)
 
     def reckon_with(self, values: Mapping[str, float]) -> None:
-        """Lets the blocks reckon with another model from the next sample on (model.model_inputs)."""
+        """Gives the blocks another model and tuning from the next sample on (model.held_inputs)."""
         for name, value in values.items():
             self.resource.write(name, value)
 

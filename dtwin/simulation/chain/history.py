@@ -1,4 +1,4 @@
-"""The history of the models that the blocks of an arm have reckoned with, one JSON line for every change."""
+"""The history of the models and tunings of the blocks of an arm, one JSON line for every change."""
 
 from __future__ import annotations
 
@@ -6,17 +6,17 @@ from pathlib import Path
 
 import msgspec
 
-from dtwin.arm.model import ArmModel
+from dtwin.arm.model import ArmModel, ArmSettings, ArmTuning
 from dtwin.line_file import LineFile
 from dtwin.signals import Count, Line, Seconds, Word
 from dtwin.simulation.history import Action
 
 
 class ArmEntry(msgspec.Struct, frozen=True, tag_field="schema", tag=1):
-    """An entry: one action on the model.
+    """An entry: one action on the settings.
 
     Attributes:
-        version: version of the model in force afterwards, which counts up with every change.
+        version: version of the settings in force afterwards, which counts up with every change.
         time: plant time, s.
         action: what was done.
         who: who wanted it.
@@ -25,6 +25,7 @@ class ArmEntry(msgspec.Struct, frozen=True, tag_field="schema", tag=1):
         text: result in words, such as the reason of a refusal or the outcome of the trial.
         predicted: largest distance of each joint from its path that the twin predicted, rad or m.
         measured: largest distance of each joint from its path in the trial, rad or m.
+        tuning: tuning in force afterwards.
     """
 
     version: Count
@@ -36,6 +37,12 @@ class ArmEntry(msgspec.Struct, frozen=True, tag_field="schema", tag=1):
     text: Line = ""
     predicted: tuple[float, ...] | None = None
     measured: tuple[float, ...] | None = None
+    tuning: ArmTuning = ArmTuning()
+
+    @property
+    def settings(self) -> ArmSettings:
+        """What is in force afterwards."""
+        return ArmSettings(self.model, self.tuning)
 
 
 class ArmHistory(LineFile[ArmEntry]):
@@ -46,4 +53,4 @@ class ArmHistory(LineFile[ArmEntry]):
     """
 
     def __init__(self, path: Path) -> None:
-        super().__init__(path, ArmEntry, "an entry of the history of an arm's models")
+        super().__init__(path, ArmEntry, "an entry of the history of an arm's settings")

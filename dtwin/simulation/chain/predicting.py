@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import threading
 from collections import deque
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
-from dtwin.arm.model import ArmModel
+from dtwin.arm.model import ArmSettings
 from dtwin.bus.chain.messages import JointOutcome, JointPredicted, JointQuestion, JointTicks
 from dtwin.errors import CommunicationError, DivergenceError, ParameterError
 from dtwin.run.chain import ChainSettings
@@ -31,7 +32,7 @@ class Predicting:
         self._where: tuple[float, ...] | None = None
         self._last = -1
         self._lock = threading.Lock()
-        self._in_force: tuple[ArmModel, JointOutcome] | None = None
+        self._in_force: tuple[ArmSettings, JointOutcome] | None = None
 
     def receive(self, passed: JointTicks) -> None:
         """Takes ticks that have passed."""
@@ -43,13 +44,13 @@ class Predicting:
             if acted.sequence == sample.sequence and len(acted.target) == len(sample.theta):
                 self._errors.append(tuple(a - b for a, b in zip(acted.target, sample.theta, strict=True)))
 
-    def answer(self, question: JointQuestion, version: int, model: ArmModel) -> JointPredicted:
+    def answer(self, question: JointQuestion, version: int, in_force: ArmSettings) -> JointPredicted:
         """What the twin expects of settings, beside those in force and what was measured.
 
         Args:
             question: the settings.
-            version: of the model in force.
-            model: the model in force.
+            version: of the settings in force.
+            in_force: the settings in force.
 
         Raises:
             ParameterError: a value is out of range. CommunicationError: no sample has come yet.
@@ -59,21 +60,23 @@ class Predicting:
             raise CommunicationError("no sample of the arm has come yet")
         change = ArmChange(question.pole, question.observer, question.speed, question.payload)
         with self._lock:
-            if self._in_force is None or self._in_force[0] != model:
-                self._in_force = model, self._outcome(model, where, ArmChange())
+            if self._in_force is None or self._in_force[0] != in_force:
+                self._in_force = in_force, self._outcome(in_force, where, ArmChange())
             now = self._in_force[1]
             proposed = now
             if change != ArmChange() or question.model is not None:
-                proposed = self._outcome(question.model or model, where, change)
+                wished = replace(in_force, model=question.model or in_force.model)
+                proposed = self._outcome(wished, where, change)
         errors = np.array(self._errors)
         full = len(errors) == self._errors.maxlen
         measured = tuple(map(float, np.abs(errors).max(axis=0))) if full else None
         return JointPredicted(version, SPAN, now, proposed, measured)
 
-    def _outcome(self, model: ArmModel, where: tuple[float, ...], change: ArmChange) -> JointOutcome:
-        loops = loops_of(self._settings, model, change)
+    def _outcome(self, base: ArmSettings, where: tuple[float, ...], change: ArmChange) -> JointOutcome:
+        settings = replace(self._settings, control=self._settings.control.tuned(base.tuning))
+        loops = loops_of(settings, base.model, change)
         try:
-            found = work_on_twin(self._settings, model, np.array(where), change, SPAN)
+            found = work_on_twin(settings, base.model, np.array(where), change, SPAN)
         except DivergenceError as error:
             raise ParameterError(f"the twin does not do its work with these settings: {error}") from None
 

@@ -1,11 +1,11 @@
-"""Uploads models to the running blocks of an arm: checked, tried on the arm, kept in a history, and taken back."""
+"""Uploads models and tunings to the running blocks of an arm: checked, tried, kept in a history, and taken back."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Final, Protocol
 
-from dtwin.arm.model import ArmModel
+from dtwin.arm.model import ArmSettings
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.simulation.chain.history import ArmEntry, ArmHistory
 from dtwin.simulation.history import SELF, Action
@@ -16,28 +16,28 @@ RULES: Final = TrialRules(longest=30.0)
 Values = tuple[float, ...]
 
 
-class ModelPort(Protocol):
+class SettingsPort(Protocol):
     """The running blocks, as uploads see them. Both raise CommunicationError when nobody answers, or refuses."""
 
-    def send(self, who: str, why: str, model: ArmModel) -> None:
-        """Lets the blocks reckon with a model."""
+    def send(self, who: str, why: str, settings: ArmSettings) -> None:
+        """Gives the blocks other settings."""
 
-    def read_back(self) -> ArmModel:
-        """The model that they reckon with."""
+    def read_back(self) -> ArmSettings:
+        """The settings that they have."""
 
 
 class ArmUploads:
-    """Changes the model of running blocks and watches it on trial.
+    """Changes the settings of running blocks and watches them on trial.
 
     Args:
         port: way to the blocks.
-        history: history of the models.
-        check: the distances from the path that the twin expects with a model; raises ParameterError.
+        history: history of the settings.
+        check: the distances from the path that the twin expects with settings; raises ParameterError.
         time: plant time, s.
         rules: rules of the trial.
 
     Attributes:
-        last: newest entry of the history, whose model is in force.
+        last: newest entry of the history, whose settings are in force.
         trial: trial that is running, or None.
 
     Raises:
@@ -47,9 +47,9 @@ class ArmUploads:
 
     def __init__(
         self,
-        port: ModelPort,
+        port: SettingsPort,
         history: ArmHistory,
-        check: Callable[[ArmModel], Values],
+        check: Callable[[ArmSettings], Values],
         time: float = 0.0,
         rules: TrialRules = RULES,
     ) -> None:
@@ -58,12 +58,12 @@ class ArmUploads:
         self._history = history
         self._check = check
         self._rules = rules
-        self._before: ArmModel | None = None
+        self._before: ArmSettings | None = None
         self._waiting: Values | None = None
         self._target: Values = ()
         self._stood = False
         found, entries = port.read_back(), history.entries()
-        if entries and entries[-1].model == found:
+        if entries and entries[-1].settings == found:
             self.last = entries[-1]
             self._take_up(entries)
         else:
@@ -72,92 +72,92 @@ class ArmUploads:
 
     @property
     def version(self) -> int:
-        """Version of the model in force."""
+        """Version of the settings in force."""
         return self.last.version
 
     @property
     def on_trial(self) -> bool:
-        """Whether the model in force is on trial."""
+        """Whether the settings in force are on trial."""
         return self.trial is not None or self._waiting is not None
 
     def _take_up(self, entries: list[ArmEntry]) -> None:
         """Goes on with a trial that the end of an earlier process cut short, from the next sample on."""
-        earlier = [entry.model for entry in entries if entry.version < self.version]
+        earlier = [entry.settings for entry in entries if entry.version < self.version]
         if self.last.action == "upload" and earlier:
             self._before, self._waiting = earlier[-1], self.last.predicted
 
     @property
-    def model(self) -> ArmModel:
-        """The model in force."""
-        return self.last.model
+    def settings(self) -> ArmSettings:
+        """Those in force."""
+        return self.last.settings
 
     def look_again(self) -> bool:
-        """Gives blocks that have forgotten the model, such as those of another bridge, that in force again.
+        """Gives blocks that have forgotten the settings, such as those of another bridge, those in force again.
 
-        A trial begins anew then, since nobody knows since when it has judged another model.
+        A trial begins anew then, since nobody knows since when it has judged others.
 
         Returns:
-            whether they had forgotten it.
+            whether they had forgotten them.
 
         Raises:
             CommunicationError: they do not answer, or refuse.
         """
-        if self._port.read_back() == self.model:
+        if self._port.read_back() == self.settings:
             return False
-        self._port.send(SELF, f"version {self.version} again", self.model)
+        self._port.send(SELF, f"version {self.version} again", self.settings)
         if self.on_trial:
             self.trial, self._waiting = None, self.last.predicted
         return True
 
-    def upload(self, who: str, why: str, based_on: int, model: ArmModel, time: float) -> ArmEntry:
-        """Puts a model into force, on trial.
+    def upload(self, who: str, why: str, based_on: int, wished: ArmSettings, time: float) -> ArmEntry:
+        """Puts settings into force, on trial.
 
         Args:
             who: who wants it.
             why: reason in the words of who wants it.
             based_on: version that they have seen.
-            model: the model.
+            wished: the settings.
             time: plant time, s.
 
         Raises:
-            ParameterError: it must not be uploaded; the refusal is in the history.
+            ParameterError: they must not be uploaded; the refusal is in the history.
             CommunicationError: the blocks do not answer, or refuse.
         """
         try:
             if self.on_trial:
                 raise ParameterError(f"version {self.version} is on trial: wait for it, or roll it back")
             if based_on != self.version:
-                raise ParameterError(f"the model has changed: expected version {self.version}, got {based_on}")
-            predicted = self._check(model)
+                raise ParameterError(f"the settings have changed: expected version {self.version}, got {based_on}")
+            predicted = self._check(wished)
         except ParameterError as error:
-            self.last = self._record("refuse", self.version, who, why, self.model, time, str(error))
+            self.last = self._record("refuse", self.version, who, why, self.settings, time, str(error))
             raise
-        before = self.model
+        before = self.settings
         # The history comes first: if this process ends now, the next one finds in it what it has to restore.
-        entry = self._record("upload", self.version + 1, who, why, model, time, predicted=predicted)
+        entry = self._record("upload", self.version + 1, who, why, wished, time, predicted=predicted)
         try:
-            self._port.send(who, why, model)
+            self._port.send(who, why, wished)
         except CommunicationError:
-            text = "the blocks have not taken it"
+            text = "the blocks have not taken them"
             self.last = self._record("roll back", entry.version + 1, SELF, text, before, time, text)
             raise
         self.last, self._before = entry, before
-        self._waiting = predicted  # until the first sample with it, which may come later than those that wait
+        self._waiting = predicted  # until the first sample with them, which may come later than those that wait
         return entry
 
-    def earlier(self, version: int) -> ArmModel:
-        """The model of an earlier version.
+    def earlier(self, version: int) -> ArmSettings:
+        """The settings of an earlier version.
 
         Raises:
             ParameterError: the history has no such version.
         """
-        found = {entry.version: entry.model for entry in self._history.entries()}
+        found = {entry.version: entry.settings for entry in self._history.entries()}
         if version not in found:
             raise ParameterError(f"version {version}: expected one of the history, 1 to {self.version}")
         return found[version]
 
     def roll_back(self, who: str, why: str, time: float, measured: Values | None = None) -> ArmEntry:
-        """Puts the model before that on trial into force again, at once.
+        """Puts the settings before those on trial into force again, at once.
 
         Raises:
             ParameterError: nothing is on trial.
@@ -184,7 +184,7 @@ class ArmUploads:
             The entry of the history if this sample ends the trial.
 
         Raises:
-            CommunicationError: the blocks do not say which model they have, or do not take the old one.
+            CommunicationError: the blocks do not say which settings they have, or do not take the old ones.
         """
         if self._waiting is not None:
             self.trial, self._waiting = Trial(self._rules, time, self._waiting), None
@@ -201,8 +201,8 @@ class ArmUploads:
         if self.look_again():
             return None
         seen = "tracking was as predicted" if trial.judged_motion else "the arm stood still"
-        text = f"{seen} for {time - trial.began:.1f} s"
-        self.last = self._record("confirm", self.version, SELF, text, self.model, time, text, measured=trial.measured)
+        text, measured = f"{seen} for {time - trial.began:.1f} s", trial.measured
+        self.last = self._record("confirm", self.version, SELF, text, self.settings, time, text, measured=measured)
         self.trial = self._before = None
         return self.last
 
@@ -217,13 +217,24 @@ class ArmUploads:
         version: int,
         who: str,
         why: str,
-        model: ArmModel,
+        settings: ArmSettings,
         time: float,
         text: str = "",
         *,
         predicted: Values | None = None,
         measured: Values | None = None,
     ) -> ArmEntry:
-        entry = ArmEntry(version, time, action, who, why[:1000], model, text[:1000], predicted, measured)
+        entry = ArmEntry(
+            version,
+            time,
+            action,
+            who,
+            why[:1000],
+            settings.model,
+            text[:1000],
+            predicted,
+            measured,
+            settings.tuning,
+        )
         self._history.append(entry)
         return entry

@@ -20,7 +20,7 @@ from dtwin.equations.native import DryFriction, NativeChain, width_of
 from dtwin.equations.rigid import usual_inertia
 from dtwin.errors import DivergenceError, ParameterError
 from dtwin.run.chain import ChainSettings
-from dtwin.simulation.chain.checks import check_model
+from dtwin.simulation.chain.checks import OBSERVERS, POLES, SLOWEST, check_model
 from dtwin.simulation.margins.chain import JointMargins, margins
 
 STEPS: Final = 4
@@ -29,11 +29,8 @@ _SHARP: Final = 0.002
 """Velocity over which dry friction changes its sign, in parts of the least speed of a joint: sharp."""
 _RATE: Final = 2.0
 """Largest rate that it makes in a step; Runge-Kutta's method of fourth order is stable up to 2.78."""
-POLES: Final = (1.0, 60.0)
-"""Triple poles that are tried, rad/s."""
-OBSERVERS: Final = (10.0, 500.0)
-"""Poles of observers that are tried, rad/s."""
-SPEEDS: Final = (0.1, 2.0)
+SPEEDS: Final = (SLOWEST, 2.0)
+"""Speeds of paths that are tried, in parts of the data sheet's."""
 _POSES: Final = 4
 """Poses at which the loops are looked at."""
 _FULL: Final = 1.0 - 1e-12
@@ -46,7 +43,7 @@ class ArmChange:
     Attributes:
         pole: triple pole of the errors of every joint, rad/s; as it is if None.
         observer: double pole of the observers, rad/s; as it is if None.
-        speed: speeds of the paths in parts of what they are; accelerations follow with its square.
+        speed: speeds of the paths in parts of the data sheet's; accelerations follow with its square; None as it is.
         payload: mass that hangs on the tool without the blocks knowing, kg.
 
     Raises:
@@ -55,14 +52,14 @@ class ArmChange:
 
     pole: float | None = None
     observer: float | None = None
-    speed: float = 1.0
+    speed: float | None = None
     payload: float = 0.0
 
     def __post_init__(self) -> None:
         for name, value, (low, high), unit in (
             ("pole", self.pole, POLES, "rad/s"),
             ("observer", self.observer, OBSERVERS, "rad/s"),
-            ("speed", self.speed, SPEEDS, "of what it is"),
+            ("speed", self.speed, SPEEDS, "of the data sheet's"),
         ):
             if value is not None and not low <= value <= high:
                 raise ParameterError(f"{name}: expected {low:g} to {high:g} {unit}, got {value:g}")
@@ -121,9 +118,8 @@ def work_on_twin(
     known = check_model(without_servos(settings.arm, "what-if"), model)
     if not 0.0 <= change.payload <= settings.arm.most_load:
         raise ParameterError(f"payload: expected 0 to {settings.arm.most_load:g} kg, got {change.payload:g}")
-    paced = _paced(known, change.speed)
     control = _control(settings.control, change)
-    blocks = ChainController(len(known), inputs(paced, usual_inertia(known), control, settings.poses))
+    blocks = ChainController(len(known), inputs(known, usual_inertia(known), control, settings.poses))
     real = holding(with_model(settings.arm, model), change.payload)
     dry = _friction(real)
     steps = max(STEPS, int(np.ceil(width_of(real, known.period) / (_RATE * dry.width))))
@@ -160,16 +156,8 @@ def loops_of(settings: ChainSettings, model: ArmModel, change: ArmChange) -> tup
 
 
 def _control(control: Control, change: ArmChange) -> Control:
-    given = {"pole": change.pole, "observer": change.observer}
+    given = {"pole": change.pole, "observer": change.observer, "speed": change.speed}
     return replace(control, **{name: value for name, value in given.items() if value is not None})
-
-
-def _paced(arm: Arm, speed: float) -> Arm:
-    """The arm with other speeds and accelerations of its paths."""
-    joints = (
-        replace(joint, speed=speed * joint.speed, acceleration=speed**2 * joint.acceleration) for joint in arm.joints
-    )
-    return replace(arm, joints=tuple(joints))
 
 
 def _friction(arm: Arm) -> DryFriction:
