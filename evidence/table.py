@@ -71,6 +71,11 @@ COMMANDS: Final[dict[str, Subcommand]] = {
         "ExperimentArmFaults",
         "monitor drawn machines of any arm with faults; report",
     ),
+    "experiment arm-sorting": Subcommand(
+        "evidence.arm_sorting",
+        "ExperimentArmSorting",
+        "let drawn machines of any arm sort boxes in hard circumstances; report",
+    ),
     "experiment arm-days": Subcommand(
         "evidence.monitoring.arm_days",
         "ExperimentArmDays",

@@ -11,6 +11,7 @@ from typing import Any, Final
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from numpy.typing import NDArray
 
 from dtwin.arm.chain import Arm, Array, Commanded, servo_torque
 from dtwin.arm.poses import Poses, ranges
@@ -101,11 +102,17 @@ class ChainRun:
         return self.target - self.true
 
     @property
-    def saturated(self) -> Array:
-        """Ticks in which the drive of each joint was at its limit, (n,)."""
+    def at_limit(self) -> NDArray[np.bool_]:
+        """Whether the drive of each joint was at its limit, (N, n)."""
         limits = np.array([joint.largest / abs(joint.actuator.constant or 1.0) for joint in self.settings.arm.joints])
         asked = self.effort if self.settings.arm.servos else self.command
-        ticks: Array = np.sum(np.abs(asked) >= limits * (1.0 - 1e-12), axis=0)
+        reached: NDArray[np.bool_] = np.abs(asked) >= limits * (1.0 - 1e-12)
+        return reached
+
+    @property
+    def saturated(self) -> Array:
+        """Ticks in which the drive of each joint was at its limit, (n,)."""
+        ticks: Array = np.sum(self.at_limit, axis=0)
         return ticks
 
     @property

@@ -33,7 +33,7 @@ from dtwin.services.chain.options import ArmCellOptions
 from dtwin.services.parts.readiness.preparation import prepare
 from dtwin.services.service import Link, Service, main
 from dtwin.signals import Event, EventKind
-from dtwin.simulation.chain.checks import expected_tracking
+from dtwin.simulation.chain.checks import as_before, expected_tracking
 from dtwin.simulation.chain.history import ArmEntry, ArmHistory
 from dtwin.simulation.chain.predicting import Predicting
 from dtwin.simulation.chain.upload import ArmUploads
@@ -115,11 +115,10 @@ class Uploading:
     def run(self) -> None:
         """Works until it is asked to end."""
         service = self._service
-        check = partial(expected_tracking, self._settings)
-        prepare(service, [("the checks of settings", partial(check, self._sheet()))])
+        prepare(service, [("the checks of settings", partial(self._expected, self._sheet()))])
         while self._uploads is None and not service.stopping:
             try:
-                self._uploads = ArmUploads(BridgePort(service.bus), self._history, check)
+                self._uploads = ArmUploads(BridgePort(service.bus), self._history, self._expected)
             except CommunicationError as error:
                 log.info("%s", error)
                 service.next(WAIT)
@@ -142,6 +141,18 @@ class Uploading:
         """Answers on a thread of its own, beside everything else: nothing is changed."""
         last = self._there().last
         return self._predicting.answer(question, last.version, last.settings)
+
+    def _expected(self, wished: ArmSettings) -> tuple[float, ...]:
+        """The distances from the path that are expected with other settings.
+
+        Raises:
+            ParameterError: they must not be uploaded.
+        """
+        expected, uploads = expected_tracking(self._settings, wished), self._uploads
+        measured = self._predicting.measured
+        if uploads is None or measured is None or wished.model != uploads.settings.model:
+            return expected
+        return as_before(expected, expected_tracking(self._settings, uploads.settings), measured)
 
     def _sheet(self) -> ArmSettings:
         return ArmSettings(ArmModel.of(self._settings.arm), self._settings.control.tuning)

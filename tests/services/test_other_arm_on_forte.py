@@ -8,11 +8,17 @@ import pyarrow.parquet as pq
 import pytest
 
 from dtwin.arm.model import ArmModel, ArmTuning
-from dtwin.bus.chain.messages import JointAdjustment, JointModel
+from dtwin.bus.chain.messages import JointAdjustment, JointModel, JointSensors
 from dtwin.bus.messages import ADJUSTMENT, EVENTS, FAULT, MODEL, MONITORING, Done, FaultRequest
 from dtwin.bus.twin_messages import MonitoringVerdict
+from dtwin.controller.chain.application import inputs
+from dtwin.controller.chain.embedded import ChainController
+from dtwin.controller.chain.model import held_inputs
 from dtwin.emulation.chain.arms import arm_of
 from dtwin.emulation.chain.machine import drawn
+from dtwin.equations.rigid import usual_inertia
+from dtwin.run.arm_cell import ArmCell
+from dtwin.services.chain.device import DeviceBlocks
 from dtwin.services.runfile import join
 from dtwin.signals import Event
 from tests.support.desk import Desk
@@ -54,8 +60,7 @@ def test_recovery_and_uploads_reach_the_blocks_on_a_forte(desk: Desk, tmp_path: 
             bus.subscribe(MONITORING, MonitoringVerdict, verdicts.append)
             bus.subscribe(EVENTS, Event, events.append)
             arm = arm_of("planar-2r")
-            tuning = ArmTuning(pole=11.0, speed=0.9)
-            model = JointModel("test", "as it really is", ArmModel.of(drawn(arm, 7)), tuning)
+            model = JointModel("test", "as it really is", ArmModel.of(drawn(arm, 7)))
             assert bus.ask(MODEL, model, JointModel) == model
             until(lambda: verdicts and verdicts[-1].units["joint 1"].state == "nominal", "the arm is known", 120.0)
             bus.ask(FAULT, FaultRequest(("K1*=0.7@0",)), Done)
@@ -68,3 +73,21 @@ def test_recovery_and_uploads_reach_the_blocks_on_a_forte(desk: Desk, tmp_path: 
         assert desk.run("stop").startswith("standstill")
         assert desk.run("release").startswith("none")
         assert "down" in desk.run("down")
+
+
+@pytest.mark.parametrize("binary", FORTES)
+def test_a_forte_gets_gains_and_speeds_as_blocks_in_this_process_do(tmp_path: Path, binary: str) -> None:
+    settings = ArmCell(arm="planar-2r").settings(1.0)
+    arm, inertia = settings.arm, usual_inertia(settings.arm)
+    given = inputs(arm, inertia, settings.control, settings.poses)
+    tuned = held_inputs(arm, inertia, settings.control.tuned(ArmTuning(pole=9.0, observer=60.0, speed=0.5)))
+    near = ChainController(len(arm), given)
+    with forte(tmp_path, binary=binary) as address:
+        far = DeviceBlocks(address, len(arm), lambda: given)
+        for k in range(120):
+            if k in (40, 80):  # on the way, and back again
+                changed = tuned if k == 40 else held_inputs(arm, inertia, settings.control)
+                near.reckon_with(changed)
+                far.reckon_with(changed)
+            where = tuple(float(x) + 1e-4 * k for x in settings.poses.positions[0])
+            assert far.step(JointSensors(k, k * arm.period, where)).commands == near.step(where), k

@@ -17,7 +17,7 @@ from dtwin.emulation.chain.machine import drawn
 from dtwin.equations.rigid import usual_inertia
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.run.arm_cell import ArmCell
-from dtwin.simulation.chain.checks import check_settings, expected_tracking
+from dtwin.simulation.chain.checks import as_before, check_settings, expected_tracking
 from dtwin.simulation.chain.history import ArmHistory
 from dtwin.simulation.chain.upload import ArmUploads
 
@@ -230,3 +230,7 @@ def test_a_history_without_tunings_is_read_as_one_with_the_usual_one(tmp_path: P
     del content["tuning"]
     file.write_text(json.dumps(content) + "\n")
     assert ArmHistory(file).entries()[0].settings == SHEET
+
+
+def test_an_arm_that_was_farther_from_its_path_than_its_twin_is_expected_to_be_so_again() -> None:
+    assert as_before((0.002, 0.004, 0.001), (0.001, 0.004, 0.0), (0.003, 0.002, 0.0)) == (0.006, 0.004, 0.001)

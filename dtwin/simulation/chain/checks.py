@@ -29,6 +29,7 @@ OBSERVERS: Final = (10.0, 500.0)
 """Least and largest pole of the observers, rad/s."""
 SLOWEST: Final = 0.1
 """Least speed of paths, in parts of the data sheet's."""
+Values = tuple[float, ...]
 _POSES: Final = 4
 """Poses at which the loops are looked at."""
 
@@ -92,7 +93,7 @@ def check_settings(settings: ChainSettings, wished: ArmSettings) -> Arm:
     return check_model(settings.arm, wished.model)
 
 
-def expected_tracking(settings: ChainSettings, wished: ArmSettings) -> tuple[float, ...]:
+def expected_tracking(settings: ChainSettings, wished: ArmSettings) -> Values:
     """The largest distance of each joint from its path under blocks with other settings, (n,), rad or m.
 
     The twin has their model and does what the arm has to do, for `TRIED` seconds, with the friction and the encoders
@@ -121,3 +122,17 @@ def expected_tracking(settings: ChainSettings, wished: ArmSettings) -> tuple[flo
                 f"{TRIED:g} s, expected at most {SATURATED:g} s"
             )
     return tuple(map(float, np.abs(ran.error).max(axis=0)))
+
+
+def as_before(expected: Values, now: Values, measured: Values) -> Values:
+    """What is expected of an arm that is farther from its path than its twin, as far as it is under what is in force.
+
+    Other gains and speeds change neither the arm nor what the blocks do not know of it. Distances from the path are
+    nearly linear in that, so that their ratio to the twin's stays.
+
+    Args:
+        expected: the twin's largest distance of each joint from its path under other gains and speeds, (n,).
+        now: the same under those in force, (n,).
+        measured: what the arm had under those, (n,).
+    """
+    return tuple(x * max(1.0, m / n) if n > 0.0 else x for x, n, m in zip(expected, now, measured, strict=True))

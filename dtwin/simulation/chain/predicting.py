@@ -44,6 +44,12 @@ class Predicting:
             if acted.sequence == sample.sequence and len(acted.target) == len(sample.theta):
                 self._errors.append(tuple(a - b for a, b in zip(acted.target, sample.theta, strict=True)))
 
+    @property
+    def measured(self) -> tuple[float, ...] | None:
+        """The largest distance of each joint from its path in the last `SPAN`, (n,), rad or m; None before that."""
+        errors = np.array(self._errors)
+        return tuple(map(float, np.abs(errors).max(axis=0))) if len(errors) == self._errors.maxlen else None
+
     def answer(self, question: JointQuestion, version: int, in_force: ArmSettings) -> JointPredicted:
         """What the twin expects of settings, beside those in force and what was measured.
 
@@ -67,10 +73,7 @@ class Predicting:
             if change != ArmChange() or question.model is not None:
                 wished = replace(in_force, model=question.model or in_force.model)
                 proposed = self._outcome(wished, where, change)
-        errors = np.array(self._errors)
-        full = len(errors) == self._errors.maxlen
-        measured = tuple(map(float, np.abs(errors).max(axis=0))) if full else None
-        return JointPredicted(version, SPAN, now, proposed, measured)
+        return JointPredicted(version, SPAN, now, proposed, self.measured)
 
     def _outcome(self, base: ArmSettings, where: tuple[float, ...], change: ArmChange) -> JointOutcome:
         settings = replace(self._settings, control=self._settings.control.tuned(base.tuning))
