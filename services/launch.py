@@ -10,12 +10,10 @@ import os
 import signal
 import subprocess
 import sys
-import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import FrameType
 from typing import Final
 
 import msgspec
@@ -39,7 +37,7 @@ from dtwin.services import runfile
 from dtwin.services.chain.starting import ALARMS, AUDIT, OtherArm, OtherArmOptions, other_arm, programs_of
 from dtwin.services.parts.fence import fence_warning
 from dtwin.services.parts.journal import carry_over
-from dtwin.services.parts.launched import Launched
+from dtwin.services.parts.launched import Launched, running, signals
 from dtwin.services.parts.pace import Pace
 from dtwin.services.parts.part_files import discard_markers, discard_parts
 from dtwin.services.parts.stopping.watchdog import ALARM as ALARMING
@@ -353,16 +351,12 @@ def launched(options: CellOptions) -> Iterator[Launched]:
             cell_file=options.cell_file or "",
             other=options.other is not None,
         )
-        file.write(up)
-        stop = threading.Event()
-        with signals(lambda *_: stop.set()):
-            supervisor.start()
-            try:
-                yield Launched(bus, supervisor, stop, up, file)
-            finally:
-                supervisor.stop()
-                if options.marked is not None:
-                    discard_markers(options.marked)
+        try:
+            with running(bus, supervisor, up, file) as cell:
+                yield cell
+        finally:
+            if options.marked is not None:
+                discard_markers(options.marked)
         journal.unlink(missing_ok=True)
         state.unlink(missing_ok=True)
 
@@ -383,15 +377,3 @@ def _check_apart(service: str, options: Iterable[str]) -> None:
     )
     if made.returncode:
         raise ParameterError(made.stderr.strip().splitlines()[-1].removeprefix("check: "))
-
-
-@contextmanager
-def signals(handler: Callable[[int, FrameType | None], object]) -> Iterator[None]:
-    """Lets Ctrl-C and a polite kill call a function, which may raise what ends all that is inside."""
-    numbers = (signal.SIGINT, signal.SIGTERM)
-    previous = {number: signal.signal(number, handler) for number in numbers}
-    try:
-        yield
-    finally:
-        for number, before in previous.items():
-            signal.signal(number, before)

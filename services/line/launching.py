@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import sys
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,10 +18,9 @@ from dtwin.line.live.zone import OVERALL
 from dtwin.services import runfile
 from dtwin.services.chain.starting import ALARMS, AUDIT
 from dtwin.services.console import NAME as CONSOLE
-from dtwin.services.launch import signals
 from dtwin.services.line.plant import NAME as PLANT
 from dtwin.services.line.zone import service_of
-from dtwin.services.parts.launched import Launched
+from dtwin.services.parts.launched import Launched, running
 from dtwin.services.runfile import LINE, SUPERVISOR, RunFile
 from dtwin.services.service import free_port, held_port
 from dtwin.services.supervisor import Program, Supervisor
@@ -126,14 +124,8 @@ def launched_line(options: LineOptions) -> Iterator[Launched]:
             file.write_key(key)
             supervisor = Supervisor(bus, started, key)
             up = runfile.Up(os.getpid(), LINE, meet, None if zenoh is None else str(zenoh), "", console=address)
-            file.write(up)
-            stop = threading.Event()
-            with signals(lambda *_: stop.set()):
-                supervisor.start()
-                try:
-                    yield Launched(bus, supervisor, stop, up, file)
-                finally:
-                    supervisor.stop()
+            with running(bus, supervisor, up, file) as line:
+                yield line
 
 
 def _service(module: str, name: str, options: list[str], leading: bool = False) -> Program:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import signal
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from types import FrameType
 from typing import Final
 
 import msgspec
@@ -65,3 +68,35 @@ class Launched:
         """Whether the run has come to its end or was asked to; restarts what has died meanwhile."""
         self.supervisor.look()
         return self.stop.is_set() or self.supervisor.finished
+
+
+@contextmanager
+def running(bus: Bus, supervisor: Supervisor, up: runfile.Up, file: RunFile) -> Iterator[Launched]:
+    """Services while they run; they are stopped at the end, in whatever way it comes.
+
+    Args:
+        bus: session of the operator.
+        supervisor: keeper of the services, not started yet.
+        up: what the run file shall tell of them.
+        file: the run file.
+    """
+    file.write(up)
+    stop = threading.Event()
+    with signals(lambda *_: stop.set()):
+        supervisor.start()
+        try:
+            yield Launched(bus, supervisor, stop, up, file)
+        finally:
+            supervisor.stop()
+
+
+@contextmanager
+def signals(handler: Callable[[int, FrameType | None], object]) -> Iterator[None]:
+    """Lets Ctrl-C and a polite kill call a function, which may raise what ends all that is inside."""
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    previous = {number: signal.signal(number, handler) for number in numbers}
+    try:
+        yield
+    finally:
+        for number, before in previous.items():
+            signal.signal(number, before)

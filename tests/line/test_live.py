@@ -163,6 +163,7 @@ def test_work_moves_away_from_an_arm_that_is_stopped_and_comes_back(parts: Parts
     said = [(decision.who, decision.what) for decision in parts.decisions()]
     assert said.index(("ada", "stop")) < said.index(("overall twin", "set-up"))
     assert said.count(("overall twin", "set-up")) == 2
+    assert [who for who, what in said if what == "repair"] == ["ada"], "what a person did is noted once"
 
 
 def test_a_fault_is_found_from_what_the_arm_publishes(parts: Parts) -> None:

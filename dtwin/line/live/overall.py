@@ -39,6 +39,8 @@ _RETRY: Final = 1.0
 """Time after which it is tried again to do what could not be done, s."""
 _ON_ITS_WAY: Final = 2.0
 """Longest time for which a state of the plant is on its way, s; one that is older is that of a plant begun anew."""
+_SEEN: Final = 5.0
+"""Longest time until the twin of a zone has seen that an arm was released, s."""
 _LOOK: Final = 0.1
 """Time from one look at what has come to the next, s."""
 
@@ -215,6 +217,8 @@ class LiveOverall:
         for each in () if zone.state is None else zone.state.decisions:
             if (name := _name_of(each)) not in self._heard:
                 self._heard.add(name)
+                if self._is_noted(each):
+                    continue
                 self._note(Decision(each.time, each.who, each.what, each.why, each.station, {}, each.rate))
         if zone.missed and zone.name not in self._lost:
             self._lost.add(zone.name)
@@ -233,6 +237,13 @@ class LiveOverall:
                 self.work.reconsider(f"{station} is repaired", station, self._line.assignment)
             else:
                 self.work.reconsider(f"{station} can do {able.ability}", station)
+
+    def _is_noted(self, seen: LineDecision) -> bool:
+        """Whether the twin of a zone has seen an arm move again that somebody has released here."""
+        return seen.what == "repair" and any(
+            each.what == "repair" and each.station == seen.station and 0.0 <= seen.time - each.time <= _SEEN
+            for each in self._decisions
+        )
 
     def state(self) -> LineState:
         """How it does.
