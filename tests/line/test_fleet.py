@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import random
 import re
 import subprocess
 import sys
@@ -454,6 +455,69 @@ def test_whatever_it_tells_it_holds_nothing_that_was_not_given_to_it(told: list[
         assert not stage.slot, "no action was released"
         if stage.vehicle.sample().standing:
             assert stage.vehicle.path == ["in"]
+
+
+TOLD: dict[str, dict[str, Any]] = {
+    "state": {
+        **IDLE,
+        "orderId": "cart-x-1",
+        "nodeStates": [{"nodeId": "n1", "sequenceId": 4, "released": True}],
+        "actionStates": [{"actionId": "cart-x-1-pick-1", "actionStatus": "FINISHED"}],
+        "loads": [{"loadId": "1"}],
+    },
+    "factsheet": SHEET,
+    "connection": {"connectionState": "ONLINE"},
+}
+STRANGE: tuple[Any, ...] = (
+    None,
+    -1,
+    1e308,
+    2**40,
+    "",
+    "\u202e\n",
+    "x" * 200,
+    True,
+    [],
+    {},
+    0.5,
+    "home",
+    "n5",
+    "cart-x-1",
+)
+
+
+def mutated(value: Any, generator: random.Random) -> Any:
+    """A message in which things are missing, twice there, or other things."""
+    if isinstance(value, dict):
+        found = {key: mutated(each, generator) for key, each in value.items()}
+        if found and generator.random() < 0.1:
+            found.pop(generator.choice(list(found)))
+        return found
+    if isinstance(value, list):
+        return [mutated(each, generator) for each in value] * generator.choice((1, 1, 1, 0, 2))
+    return generator.choice(STRANGE) if generator.random() < 0.12 else value
+
+
+def damaged(payload: bytes, generator: random.Random) -> bytes:
+    """Some of the bytes of a message, one of them perhaps another one."""
+    if generator.random() < 0.1:
+        place = generator.randrange(len(payload))
+        payload = payload[:place] + bytes([generator.randrange(256)]) + payload[place + 1 :]
+    return payload[: generator.randrange(len(payload))] if generator.random() < 0.05 else payload
+
+
+@examples(40)
+@given(seed=st.integers(0, 2**32))
+def test_messages_that_are_damaged_end_nothing_and_move_nothing(seed: int) -> None:
+    stage, generator = Stage(LINE).known(), random.Random(seed)
+    stage.give("n5", "n1", "in")
+    for number in range(30):
+        topic = generator.choice(("state", "state", "connection", "factsheet"))
+        message = mutated({"headerId": 100 + number, **HEADER, **TOLD[topic]}, generator)
+        stage.raw(topic, damaged(json.dumps(message).encode(), generator))
+        assert (stage.vehicle.path[-1], stage.slot) == ("in", 0)
+        msgspec.json.encode(stage.vehicle.trouble)
+    assert stage.link.refused
 
 
 def test_a_manufacturer_is_a_name(tmp_path: Path) -> None:
