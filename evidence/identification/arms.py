@@ -134,9 +134,12 @@ def _identified(arm: Arm, poses: Poses, number: int, seconds: float, peer: bool)
 
 def _truth(arm: Arm, found: Identification) -> Iterator[tuple[str, float]]:
     """What a drawn arm really has, by the names of the result; friction without what grows with the load."""
-    for joint, link, scale in zip(arm.joints, arm.links, found.design.scales, strict=True):
+    sheets = found.arm.joints
+    for joint, sheet, link, scale in zip(arm.joints, sheets, arm.links, found.design.scales, strict=True):
         if joint.actuator.constant is not None:
             yield f"{joint.name} gain", joint.actuator.constant
+        elif joint.actuator.stiffness is not None and sheet.actuator.stiffness is not None:
+            yield f"{joint.name} gain", joint.actuator.stiffness / sheet.actuator.stiffness
         for speed in (0.1 * scale.speed, -0.1 * scale.speed, scale.speed, -scale.speed):
             friction = joint.friction.viscous * speed + joint.friction.coulomb * float(np.sign(speed))
             yield f"{joint.name} friction at {speed:+.3g}", friction

@@ -1,6 +1,7 @@
 """Arms whose drives are commanded a position and have loops of their own."""
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 
 from dtwin.arm.chain import servo_torque
+from dtwin.arm.file import read_file
 from dtwin.arm.poses import Poses, drawn_poses
 from dtwin.cli import main
 from dtwin.controller.chain.application import Control, inputs
@@ -18,6 +20,9 @@ from dtwin.emulation.chain.plant import ChainPlant
 from dtwin.equations.rigid import inverse_dynamics, usual_inertia
 from dtwin.errors import ModelError
 from dtwin.identification.chain.identify import Sample, identify, unexplained
+from dtwin.identification.chain.overlay import overlaid, write_arm
+from dtwin.identification.chain.result import numbers
+from dtwin.parameters import ROOT
 from dtwin.run.chain import ChainSettings, run
 from tests.run.test_chain_sorting import TASK
 
@@ -89,6 +94,24 @@ def test_it_is_identified_by_the_torque_of_its_loops() -> None:
     assert fitted.kind == "torque"
     found = identify(ARM, [Sample(fitted)])
     assert (unexplained(*found.predicted(other)) < 0.06).all()
+
+
+def test_what_is_found_counts_that_its_loops_differ_from_the_data_sheet(tmp_path: Path) -> None:
+    found = identify(ARM, [Sample(run(settings(1)).measurement())])
+    assert found.prior.gain_deviation == pytest.approx([ARM.tolerances.constant] * 2)
+    assert (found.gain_deviations() > 0.2 * ARM.tolerances.constant).all()
+    loops = [(joint.actuator.stiffness, joint.actuator.damping) for joint in overlaid(found).joints]
+    assert pytest.approx(np.array([[150.0, 60.0], [6.0, 2.0]]) * found.found.gain) == np.array(loops).T
+    known = read_file(ROOT / "arms" / "servo-2r.toml")
+    model = Path(shutil.copy(ROOT / "arms" / "planar-2r.xml", tmp_path))
+    write_arm(found, known, model, tmp_path / "found.toml")
+    kept = [joint.actuator.stiffness for joint in arm_of(str(tmp_path / "found.toml")).joints]
+    assert kept == pytest.approx([stiffness for stiffness, _ in loops])
+    held = replace(ARM, joints=tuple(replace(j, actuator=replace(j.actuator, tolerance=0.0)) for j in ARM.joints))
+    exact = {row.name: row for row in numbers(identify(held, [Sample(run(settings(1)).measurement())]))}
+    wider = {row.name: row for row in numbers(found)}
+    assert "shoulder gain" not in exact
+    assert wider["fore Iyy"].half > 1.2 * exact["fore Iyy"].half
 
 
 def test_drives_of_two_kinds_are_refused_by_name() -> None:

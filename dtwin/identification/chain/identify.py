@@ -294,9 +294,14 @@ def _prior(design: Design, moments: Moments, settings: Settings) -> Prior:
 
 
 def _gain_prior(design: Design, products: Array, count: float) -> tuple[Array, Array]:
-    """Gains as the arm's file gives them; where it does not, as the data sheet's masses would have them."""
+    """Gains as the arm's file gives them; where it does not, as the data sheet's masses would have them.
+
+    A torque has its scale, but of a drive with a loop of its own only as far as its stiffness is known.
+    """
     actuators = [joint.actuator for joint in design.arm.joints]
-    wanted = design.kind != "torque"  # a torque has its scale
+    if design.kind == "torque":
+        own = [actuator.tolerance if actuator.commanded == "position" else 0.0 for actuator in actuators]
+        return np.ones(len(own)), np.array(own)
     constants = [_constant(actuator, design.kind) for actuator in actuators]
     known = np.array([np.nan if constant is None else constant for constant in constants])
     tolerance = np.array(
@@ -306,7 +311,7 @@ def _gain_prior(design: Design, products: Array, count: float) -> tuple[Array, A
     likely = np.nanmedian(by_weight) if np.isfinite(by_weight).any() else 1.0
     guessed = np.where(np.isfinite(by_weight), by_weight, likely)
     gain = np.where(np.isfinite(known), known, guessed)
-    return (gain, tolerance) if wanted else (np.ones_like(gain), np.zeros_like(gain))
+    return gain, tolerance
 
 
 def _constant(actuator: Actuator, kind: str) -> float | None:

@@ -54,6 +54,9 @@ def _joint(found: Identification, number: int) -> Joint:
         limit = actuator.limit if actuator.commanded == found.design.kind else np.inf
         gain = float(found.found.gain[number])
         actuator = replace(actuator, commanded=found.design.kind, constant=gain, limit=limit)
+    elif actuator.stiffness is not None:
+        gain = float(found.found.gain[number])
+        actuator = replace(actuator, stiffness=gain * actuator.stiffness, damping=gain * actuator.damping)
     friction = Friction(viscous, coulomb, max(by_load, 0.0)) if slides else joint.friction
     return replace(joint, actuator=actuator, friction=friction)
 
@@ -167,6 +170,9 @@ def _numbers(found: Identification, joint: Joint) -> Iterator[tuple[str, float |
     if found.design.kind != "torque" and actuator.constant is not None:
         yield "commanded", next(unit for unit, kind in UNITS.items() if kind == actuator.commanded)
         yield "constant", actuator.constant / actuator.gear
+    if actuator.commanded == "position" and actuator.stiffness is not None:
+        yield "stiffness", actuator.stiffness
+        yield "damping", actuator.damping
     if actuator.rotor is not None:
         yield "rotor", actuator.rotor / actuator.gear**2
     yield "viscous", friction.viscous
