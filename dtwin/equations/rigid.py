@@ -15,6 +15,7 @@ samples is the simplest form that is fast enough for identification, which needs
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, Final
 
 import numpy as np
@@ -152,13 +153,18 @@ def mass_matrix(arm: Arm, q: Numbers) -> Numbers:
     return np.stack(columns, axis=2)
 
 
+@lru_cache(maxsize=16)
 def usual_inertia(arm: Arm) -> Array:
-    """The inertia of every joint with all that it carries and its rotor, (n,), kg m^2: the mean over 64 poses."""
+    """The inertia of every joint with all that it carries and its rotor, (n,), kg m^2: the mean over 64 poses.
+
+    It is computed once for an arm, and cannot be written.
+    """
     lower = np.array([max(joint.lower, -np.pi) for joint in arm.joints])
     upper = np.array([min(joint.upper, np.pi) for joint in arm.joints])
     poses = np.random.default_rng(0).uniform(lower, upper, (64, len(arm)))
     rotors = np.array([joint.actuator.rotor or 0.0 for joint in arm.joints])
     mean: Array = np.einsum("nii->i", mass_matrix(arm, poses)) / len(poses) + rotors
+    mean.flags.writeable = False
     return mean
 
 

@@ -17,7 +17,7 @@ from dtwin.emulation.chain.machine import drawn
 from dtwin.equations.rigid import usual_inertia
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.run.arm_cell import ArmCell
-from dtwin.simulation.chain.checks import as_before, check_settings, expected_tracking
+from dtwin.simulation.chain.checks import as_before, check_model, check_settings, expected_tracking
 from dtwin.simulation.chain.history import ArmHistory
 from dtwin.simulation.chain.upload import ArmUploads
 
@@ -234,3 +234,17 @@ def test_a_history_without_tunings_is_read_as_one_with_the_usual_one(tmp_path: P
 
 def test_an_arm_that_was_farther_from_its_path_than_its_twin_is_expected_to_be_so_again() -> None:
     assert as_before((0.002, 0.004, 0.001), (0.001, 0.004, 0.0), (0.003, 0.002, 0.0)) == (0.006, 0.004, 0.001)
+
+
+def test_a_model_is_checked_once_and_its_inertia_cannot_be_written() -> None:
+    made = check_model(ARM, SHEET.model)
+    assert check_model(ARM, ArmModel.of(ARM)) is made
+    assert check_model(ARM, OTHER.model) is not made
+    inertia = usual_inertia(made)
+    assert usual_inertia(made) is inertia
+    with pytest.raises(ValueError, match="read-only"):
+        inertia[0] = 1.0
+    far = replace(SHEET.model, rotor=(50.0, 50.0))
+    for _ in range(2):
+        with pytest.raises(ParameterError, match="inertia at joint 1"):
+            check_model(ARM, far)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -34,8 +35,9 @@ _POSES: Final = 4
 """Poses at which the loops are looked at."""
 
 
+@lru_cache(maxsize=16)
 def check_model(arm: Arm, model: ArmModel) -> Arm:
-    """The arm with a model that lies within all bounds around its data sheet.
+    """The arm with a model that lies within all bounds around its data sheet; the same one for equal models.
 
     Args:
         arm: the arm as its data sheet says.
