@@ -30,6 +30,7 @@ from dtwin.parameters import PERIOD, ArmParameters
 from dtwin.run.options import ArmOptions
 from dtwin.services.parts.log_parts import Parts
 from dtwin.services.parts.missed.catching_up import catch_up
+from dtwin.services.parts.missed.last_messages import LastMessages
 from dtwin.services.parts.part_files import discard_parts, first_recording, mark_begun, numbered
 from dtwin.services.parts.readiness.ghost import believed, prepare_ghost
 from dtwin.services.parts.rows import LOSSLESS_PATIENCE, PATIENCE, Rows
@@ -54,10 +55,6 @@ RECORDINGS: Final = 50
 """Number of recordings of one run; every reset of the cell begins another one."""
 REPEATED: Final = 60.0
 """s after which a trouble that lasts is logged again"""
-QUIET: Final = 0.3
-"""s without a message after which nothing more is on its way at the end"""
-LAST_MESSAGES: Final = 2.0
-"""Longest time for which messages are waited for at the end, s: a cell that goes on never falls silent."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -170,6 +167,7 @@ class Recorder:
 
     def run(self, service: Service) -> None:
         """Records until it is asked to end, and what was on its way then."""
+        last = LastMessages(service, self._options.lossless)
         self._catch_up(service.bus)
         service.ready()
         due = time.monotonic() + FLUSH
@@ -183,15 +181,14 @@ class Recorder:
                 self._report(service, "running")
         for _ in range(service.inbox.qsize()):
             self._deal_with(service.next(0.0))
-        until = time.monotonic() + LAST_MESSAGES
-        while time.monotonic() < until and (item := service.next(QUIET)) is not None:
+        for item in last:
             self._deal_with(item)
         self._report(service, "stopping")
 
     def close(self) -> None:
         """Writes the rest."""
         self.rows.flush()
-        self._end()
+        self._end(over=True)
         if self._viewer is not None:
             self._viewer.close()
 
@@ -352,15 +349,17 @@ class Recorder:
         self._open()
         return True
 
-    def _end(self) -> None:
+    def _end(self, over: bool = False) -> None:
+        """Finishes the files; when all is over also what came after the last row, else of the next run."""
         self.keep()
+        late = self._run_log.freeze().events if over else ()
         if self._undrawn is not None and self._parts is not None and self._view is not None and self._view.ready:
             self._undrawn = self._draw_from(self._view, self._parts, self._undrawn, LAST_DRAWING)
         if self._undrawn is not None:
             self._announce("the recording lacks what has not been drawn yet; the log holds it")
         if self._parts is not None:
             try:
-                if self._parts.finish(self._notes) and self._options.resumable:
+                if self._parts.finish(self._notes, late) and self._options.resumable:
                     self._parts.mark_whole()
             except RecordingError as error:
                 self._announce(str(error))

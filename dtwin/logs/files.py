@@ -21,8 +21,8 @@ _RENAMED: Final = {"dropped_arrival": EventKind.TURNED_AWAY}
 """Kinds of events in older logs, and what they are called now."""
 
 
-def join_logs(parts: Sequence[Path], path: Path, metadata: Mapping[str, Any]) -> None:
-    """Writes the logs of some files, each of which follows the one before in time, to one file.
+def join_logs(parts: Sequence[Path], path: Path, metadata: Mapping[str, Any], late: Sequence[Event] = ()) -> None:
+    """Writes the logs of some files, each of which follows the one before in time, and later events, to one file.
 
     The file equals that of the joined log byte by byte, and appears complete or not at all. It is written row group
     by row group, so that memory is bounded however long the log is.
@@ -39,6 +39,7 @@ def join_logs(parts: Sequence[Path], path: Path, metadata: Mapping[str, Any]) ->
             for group in range(file.num_row_groups):
                 seen = file.read_row_group(group, columns=["box_colour"]).column(0).cast(pa.string()).unique()
                 colours.update(dict.fromkeys(seen.to_pylist()))
+    events += late
     schema = schema_of(tuple(events), metadata)
     with replacing(path) as temporary, writer_of(temporary, schema) as writer:
         for table in _groups(parts, schema, pa.array(colours, pa.string())):

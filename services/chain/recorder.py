@@ -22,6 +22,7 @@ from dtwin.bus.messages import EVENTS, JOINT_TICKS
 from dtwin.errors import RecordingError
 from dtwin.run.chain import ChainRun, ChainSettings
 from dtwin.services.chain.options import ArmCellOptions
+from dtwin.services.parts.missed.last_messages import LastMessages
 from dtwin.services.service import Link, Service, main
 from dtwin.services.supervisor import PREPARED
 from dtwin.signals import Event, EventKind
@@ -33,10 +34,6 @@ KEEP: Final = 60.0
 """Time between two times that the log is written, s."""
 WAIT: Final = 0.5
 """Longest wait for ticks before the status is looked after, s."""
-LAST: Final = 0.3
-"""Time without ticks after which all that were on their way have come, s."""
-LONGEST: Final = 2.0
-"""Longest wait for such ticks, s."""
 MOST: Final = 86_400.0
 """Longest log, s: all its rows are kept in memory."""
 _FEW: Final = 4096
@@ -48,6 +45,8 @@ class Options(ArmCellOptions, Link):
 
     log: Path
     """Parquet log to write."""
+    lossless: bool = False
+    """Whether no tick is lost on its way, as where every tick waits for its command."""
 
     def run(self) -> int:
         settings = self.settings()
@@ -55,7 +54,7 @@ class Options(ArmCellOptions, Link):
         if PREPARED in os.environ and self.log.exists():
             rows.go_on(self.log)
         with Service(NAME, self) as service:
-            Recorder(service, rows, self.log).run()
+            Recorder(service, rows, self.log, self.lossless).run()
         return 0
 
 
@@ -128,10 +127,12 @@ class Recorder:
         service: frame of this service.
         rows: rows so far.
         path: file of the log.
+        lossless: whether no tick is lost on its way.
     """
 
-    def __init__(self, service: Service, rows: Rows, path: Path) -> None:
+    def __init__(self, service: Service, rows: Rows, path: Path, lossless: bool) -> None:
         self._service = service
+        self._lossless = lossless
         self._rows = rows
         self._path = path
         self._number = 1
@@ -142,6 +143,7 @@ class Recorder:
     def run(self) -> None:
         """Records until it is asked to end, and what was on its way then."""
         service = self._service
+        last = LastMessages(service, self._lossless)
         service.ready()
         due = time.monotonic() + KEEP
         while not service.stopping:
@@ -151,8 +153,7 @@ class Recorder:
                 due = time.monotonic() + KEEP
             if service.report_due():
                 service.report("running", self._rows.count, time=max(0.0, self._rows.last), late_ticks=self._left_out)
-        until = time.monotonic() + LONGEST
-        while time.monotonic() < until and (passed := service.next(LAST)) is not None:
+        for passed in last:
             self._on_ticks(passed)
         self._keep()
 

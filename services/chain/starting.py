@@ -138,7 +138,7 @@ def programs_of(other: OtherArm, options: Any, link: list[str], console: int) ->
     lossless = ["--lossless"] if options.pace != "realtime" else []
     programs, waits = [], []
     if options.log:
-        programs.append(_service("recorder", [*link, *other.words, "--log", str(options.log.resolve())]))
+        programs.append(_service("recorder", [*link, *other.words, *lossless, "--log", str(options.log.resolve())]))
         waits = ["--wait-for", "recorder"]
     if options.monitoring:
         stop = ["--safe-stop"] if options.safe_stop else []

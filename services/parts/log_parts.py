@@ -13,7 +13,7 @@ import contextlib
 import logging
 import re
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -26,6 +26,7 @@ from dtwin.logs.files import count_rows, is_log, join_logs
 from dtwin.logs.log import Log, concatenate
 from dtwin.logs.reading import read_log
 from dtwin.services.parts.part_files import WHOLE, discard_parts, folder_of
+from dtwin.signals import Event
 
 log = logging.getLogger(__name__)
 
@@ -129,8 +130,12 @@ class Parts:
         self._spans = []
         self.last = -float("inf")
 
-    def finish(self, metadata: dict[str, Any]) -> bool:
+    def finish(self, metadata: dict[str, Any], late: Sequence[Event] = ()) -> bool:
         """Writes the whole log in the place of its parts; False when there is nothing to write.
+
+        Args:
+            metadata: what the log says about how the run was made.
+            late: events that came after the last row.
 
         Raises:
             RecordingError: the log cannot be written; its parts stay where they are.
@@ -141,7 +146,7 @@ class Parts:
         whole = len(self._spans)
         spans = self._sound(self._spans)
         if spans:
-            join_logs([self._folder / span.name for span in spans], self._path, metadata)
+            join_logs([self._folder / span.name for span in spans], self._path, metadata, late)
         if len(spans) == whole:
             self._remove(spans)
             with contextlib.suppress(OSError):

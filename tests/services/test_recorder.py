@@ -16,7 +16,7 @@ from dtwin.logs.reading import read_log
 from dtwin.parameters import PERIOD, ArmParameters
 from dtwin.services.parts.part_files import discard_markers, mark_begun
 from dtwin.services.recorder import Options, Recorder
-from dtwin.signals import Event, Sensors, Truth, Voltages
+from dtwin.signals import Event, EventKind, Sensors, Truth, Voltages
 from dtwin.view import live
 from tests.services.parts.test_log_parts import log as rows_of
 from tests.support.desk import Desk
@@ -38,6 +38,17 @@ def feed(recorder: Recorder, first: int, last: int) -> None:
 
 def recorder_of(folder: Path, told: list[Event], **options: Any) -> Recorder:
     return Recorder(Options(log=folder / "run.parquet", **options), {}, ArmParameters(), told.append)
+
+
+def test_an_event_that_comes_after_the_last_row_was_kept_is_in_the_log(tmp_path: Path) -> None:
+    recorder = recorder_of(tmp_path, [])
+    feed(recorder, 0, 50)
+    late = Event(0.49, EventKind.DELIVERED, "delivered the red box")
+    recorder.take_event(late, 1.0)
+    recorder.keep()
+    recorder.close()
+    found = read_log(tmp_path / "run.parquet")
+    assert (len(found), found.events) == (50, (late,))
 
 
 def test_a_recorder_on_a_full_disk_goes_on_tells_once_and_catches_up(tmp_path: Path) -> None:
