@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Final
 
 from dtwin.errors import ParameterError, choices
-from dtwin.line.abreast import Abreast
 from dtwin.line.control import Control, Devices, Exchange, OneResource
 from dtwin.line.line import CYCLE, Line
 from dtwin.line.plant import LineEvent, MakeVehicle, Plant, check_boxes, emulated_vehicle
@@ -48,7 +47,6 @@ class Floor:
         devices: whether the blocks run on a resource for each device, which talk by PUBLISH and SUBSCRIBE.
         blocks: blocks that are served elsewhere, in place of those that run in this process.
         vehicle: makes the vehicles; ones that the plant emulates if not given.
-        threads: number of threads in which its stations work.
 
     Attributes:
         line: the line.
@@ -68,13 +66,11 @@ class Floor:
         devices: bool = False,
         blocks: Exchange | None = None,
         vehicle: MakeVehicle = emulated_vehicle,
-        threads: int = 1,
     ) -> None:
         self.line = line
         self.emulated = {station.name: emulated(station) for station in line.stations}
         stations: dict[str, Station] = dict(self.emulated)
         self.plant = Plant(line, stations, vehicle)
-        self._stations = Abreast(stations, threads)
         here = Devices if devices else OneResource
         self.control = Control(line, blocks or here(line), patient=blocks is not None)
         self.events: list[LineEvent] = []
@@ -92,7 +88,7 @@ class Floor:
         Raises:
             DtwinError: a box has vanished, or an arm or the blocks have failed.
         """
-        self.plant.advance(self._stations.step)
+        self.plant.advance()
         self.control.step(self.plant)
 
     def record(self) -> None:

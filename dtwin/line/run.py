@@ -67,7 +67,6 @@ class LineRun:
         settings: how it runs.
         history: file to which every decision is appended.
         blocks: blocks that are served elsewhere, in place of those that run in this process.
-        threads: number of threads in which its stations work, which changes no result.
 
     Attributes:
         line: the line.
@@ -84,16 +83,11 @@ class LineRun:
     """
 
     def __init__(
-        self,
-        line: Line,
-        settings: LineSettings,
-        history: Path | None = None,
-        blocks: Exchange | None = None,
-        threads: int = 1,
+        self, line: Line, settings: LineSettings, history: Path | None = None, blocks: Exchange | None = None
     ) -> None:
         self.line, self.settings = line, settings
         self._file = None if history is None else LineFile(history, Decision, "a decision of the line")
-        self.floor = Floor(line, settings.devices, blocks, threads=threads)
+        self.floor = Floor(line, settings.devices, blocks)
         self.plant, self.emulated = self.floor.plant, self.floor.emulated
         self.course = Course(self.floor.events, self.floor.samples)
         nodes = {s.name: node_of(line, s) for s in line.stations}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from dataclasses import dataclass, replace
 from functools import cache
@@ -10,7 +11,7 @@ from typing import Final
 from rich.console import Console
 from rich.table import Table
 
-from dtwin.campaign.spread import EVERY_CORE, Workforce, cores, spread
+from dtwin.campaign.spread import EVERY_CORE, Workforce, spread
 from dtwin.commands.frame import JsonOption, at_least
 from dtwin.line.file import DEFAULT_NAME, line_of
 from dtwin.line.run import LineRun, LineSettings
@@ -38,6 +39,7 @@ class BenchLine(JsonOption):
     def execute(self) -> int:
         at_least("--rounds", self.rounds, 1)
         at_least("--duration", int(self.duration), 1)
+        cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
         rates: dict[int, list[float]] = {arms: [] for arms in ARMS}
         with Console(stderr=True).status("measuring") as status:
             for number in range(self.rounds):
@@ -45,11 +47,11 @@ class BenchLine(JsonOption):
                     status.update(f"round {number + 1} of {self.rounds}: {arms} arms")
                     rates[arms].append(measured(arms, self.duration))
         middle = {arms: sorted(found)[len(found) // 2] for arms, found in rates.items()}
-        shares = {arms: rate / (middle[1] * cores()) for arms, rate in middle.items() if arms > 1}
+        shares = {arms: rate / (middle[1] * cores) for arms, rate in middle.items() if arms > 1}
         if self.json:
-            print_json({"cores": cores(), "arm_seconds_a_second": middle, "share_of_one_arm_times_cores": shares})
+            print_json({"cores": cores, "arm_seconds_a_second": middle, "share_of_one_arm_times_cores": shares})
             return 0
-        table = Table("arms", "real-time factor", "factor times arms", f"of one arm's times {cores()} cores")
+        table = Table("arms", "real-time factor", "factor times arms", f"of one arm's times {cores} cores")
         for arms, rate in middle.items():
             table.add_row(str(arms), f"{rate / arms:.1f}", f"{rate:.0f}", f"{shares[arms]:.2f}" if arms > 1 else "")
         print_table(table)
@@ -90,6 +92,4 @@ def _run(seed: int, arms: int, duration: float) -> None:
     if arms == 1:
         Cell(CellSettings(duration, seed)).run()
     else:
-        LineRun(
-            replace(line_of(DEFAULT_NAME), seed=seed), LineSettings(duration), threads=cores() if arms == _EACH else 1
-        ).run()
+        LineRun(replace(line_of(DEFAULT_NAME), seed=seed), LineSettings(duration)).run()

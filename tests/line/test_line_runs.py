@@ -14,8 +14,7 @@ from dtwin.commands.line.run import DEMO
 from dtwin.controller.ports import BLOCKS
 from dtwin.emulation.boxes import Box, Deliveries
 from dtwin.emulation.emulation import Emulation
-from dtwin.errors import DivergenceError, DtwinError
-from dtwin.line.abreast import Abreast
+from dtwin.errors import DtwinError
 from dtwin.line.control import Control, Devices, OneResource, Served
 from dtwin.line.file import line_of
 from dtwin.line.line import Line
@@ -23,7 +22,7 @@ from dtwin.line.plant import Plant, check_boxes
 from dtwin.line.records.kept import HISTORY, kept, prepare, read, write
 from dtwin.line.records.report import page, summary
 from dtwin.line.run import LineRun, LineSettings
-from dtwin.line.station import EmulatedStation, Input, Report, TimedStation, WorkTimes, replayed
+from dtwin.line.station import EmulatedStation, Input, TimedStation, WorkTimes, replayed
 from dtwin.line.system import system
 from dtwin.line.twins.decisions import Decision
 from dtwin.line.twins.overall import changed
@@ -38,16 +37,6 @@ from tests.support.waiting import connected
 LINE = line_of("default")
 PLACES = ("blue", "red", "green")
 TIMES = WorkTimes(0.5, dict.fromkeys(PLACES, 2.8), dict.fromkeys(PLACES, 2.3))
-
-
-class Counting(TimedStation):
-    """A station that counts its ticks."""
-
-    ticks = 0
-
-    def advance(self, ticks: int) -> Report:
-        self.ticks += ticks
-        return super().advance(ticks)
 
 
 def possible(names: tuple[str, ...]) -> bool:
@@ -186,34 +175,6 @@ def test_the_log_of_an_arm_in_the_line_is_that_of_the_arm_alone() -> None:
         np.testing.assert_array_equal(column, alone.columns[name])
     assert (log.events, log.metadata) == (alone.events, alone.metadata)
     assert {event.kind for event in log.events} >= {"arrived", "picked", "delivered"}
-
-
-def test_the_number_of_threads_changes_nothing() -> None:
-    runs = [LineRun(LINE, LineSettings(60.0, faults=(("b1", "K2*=0.1@30"),)), threads=n) for n in (1, 2, 7)]
-    for run in runs:
-        run.run()
-    alone, *others = runs
-    assert len(alone.course.decisions) > 0
-    for run in others:
-        assert run.course == alone.course
-        for name, station in alone.emulated.items():
-            other = run.emulated[name]
-            assert isinstance(station, EmulatedStation)
-            assert isinstance(other, EmulatedStation)
-            for column, values in station.log.freeze().columns.items():
-                np.testing.assert_array_equal(other.log.freeze().columns[column], values)
-
-
-@pytest.mark.parametrize("broken", ["a1", "b2"])
-def test_a_station_that_fails_in_a_thread_ends_the_cycle_when_the_others_are_done(broken: str) -> None:
-    class Broken(TimedStation):
-        def advance(self, ticks: int) -> Report:
-            raise DivergenceError("emulation", 1.0, [])
-
-    stations = {name: (Broken if name == broken else Counting)(TIMES) for name in ("a1", "a2", "b1", "b2")}
-    with pytest.raises(DivergenceError):
-        Abreast(stations, 4).step(10)
-    assert all(station.ticks == 10 for station in stations.values() if isinstance(station, Counting))
 
 
 def test_a_box_that_waits_can_be_taken_away() -> None:

@@ -10,7 +10,6 @@ from typing import Final, NamedTuple
 import tyro
 from rich.table import Column, Table
 
-from dtwin.campaign.spread import cores
 from dtwin.controller.runtime import RuntimeOption, chosen
 from dtwin.errors import ParameterError
 from dtwin.files import RECORDING, ensure_writable, replacing
@@ -171,7 +170,7 @@ def _carried_out(
     for path, ending in ((report, _HTML), (record, RECORDING)):
         if path is not None:
             ensure_writable(path, ending)
-    run = LineRun(line, settings, None if out is None else prepare(out), blocks, cores())
+    run = LineRun(line, settings, None if out is None else prepare(out), blocks)
     drawing = None if record is None else Drawing(run)
     try:
         run.run(None if json or not sys.stderr.isatty() else _progress, None if drawing is None else drawing.look)
