@@ -97,6 +97,15 @@ def test_boxes_pass_a_line_with_two_kinds_of_arms_and_the_log_is_that_of_the_arm
     alone.write_log(tmp_path / "alone.parquet")
     assert (tmp_path / "alone.parquet").read_bytes() == (tmp_path / "kept" / "a2.parquet").read_bytes()
     assert pq.read_table(tmp_path / "alone.parquet").num_rows == 13_000
+    twin = twin_of(line)
+    usual = twin.times
+    assert isinstance(ours, ChainStation)
+    twin.watch(ours.log, FREE)
+    at = {kind: [e.time for e in run.course.events if e.who == "a2" and e.kind == kind] for kind in ("work", "done")}
+    carried = [done - held for held, done in zip(at["work"], at["done"], strict=False)]
+    place = next(operation.place for operation in line.operations if line.assignment[operation.name] == "a2")
+    assert twin.times.carry[place] == pytest.approx(np.median(carried), abs=0.1)
+    assert twin.times.carry[place] > usual.carry[place] + 0.5, "its friction makes it wait, which no rehearsal tells"
     points = ours.points(100)
     assert points.joints.shape == (130, 4, 3)
     lengths = np.linalg.norm(np.diff(points.joints[:, 1:], axis=1), axis=2)

@@ -15,6 +15,7 @@ from dtwin.line.chain.rows import ArmRows
 from dtwin.line.line import StationPlan
 from dtwin.line.station import FREE, WorkTimes
 from dtwin.line.twins.node import Ability, Capability, rehearsed
+from dtwin.line.twins.work import MeasuredWork
 from dtwin.monitoring.chain.finding import ChainFinding
 from dtwin.monitoring.chain.monitor import ArmMonitor
 from dtwin.recovery.chain.answers import answer_to
@@ -56,17 +57,19 @@ class ChainNodeTwin:
         self._usual = self._shares(heaviest, np.zeros(len(self._settings.arm)))
         self.capability = self._able()
         self._monitor: ArmMonitor | None = None
+        self._work = MeasuredWork(self._places, self._settings.arm.period)
         self._seen = self._told = 0
         self._known = False
 
     @property
     def times(self) -> WorkTimes:
-        """How long its work takes as long as nothing is wrong."""
-        return rehearsed(self.plan)
+        """How long its work takes: as its last boxes took, before that as a rehearsal with the data sheet's arm."""
+        return self._work.times(rehearsed(self.plan))
 
     def repaired(self) -> None:
         """The arm is as it was made to be; it is learned anew from its next work on."""
         self.capability, self._known, self._monitor = self._able(), False, None
+        self._work = MeasuredWork(self._places, self._settings.arm.period)
 
     def stopped(self, why: str) -> None:
         """The arm was stopped, and nobody knows yet what it can do."""
@@ -83,6 +86,7 @@ class ChainNodeTwin:
         first, self._seen = self._seen, len(log)
         if self._seen < first:  # the arm has begun anew
             self._monitor = None
+        self._measure(log, first, stopped)
         if self._known or self._seen <= first or stopped:
             return []
         if self._monitor is None:
@@ -98,6 +102,13 @@ class ChainNodeTwin:
             self.capability = self.judged(each)
             self._known = self.capability.ability == "nothing"
         return [ChainFound(each, self._settings.arm) for each in found]
+
+    def _measure(self, log: ArmRows, first: int, stopped: bool) -> None:
+        """Measures how long it works from the ticks of a log from a number on."""
+        if stopped or not log.forgotten <= first <= len(log):
+            self._work.interrupt()
+        else:
+            self._work.follow((row.box, row.gripped) for row in log.rows()[first - log.forgotten :])
 
     def state_of(self, found: ChainFound) -> Literal["failed", "angles unknown"]:
         """What a finding means to the blocks' safe stop."""

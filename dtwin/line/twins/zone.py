@@ -7,7 +7,7 @@ the arms are left out: their twins say how long they take. That runs some hundre
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -51,7 +51,7 @@ class ZoneTwin:
         self._name = line.zones[number].name
         self._line, self._number = line, number
         self._nodes = {station.name: nodes[station.name] for station in line.zones[number].stations}
-        self._known: dict[tuple[tuple[str, str], ...], float] = {}
+        self._known: dict[tuple[Hashable, ...], float] = {}
 
     @property
     def name(self) -> str:
@@ -101,11 +101,16 @@ class ZoneTwin:
 
     def rate(self, assignment: Assignment) -> float:
         """Boxes an hour that leave the zone when there are always more, and room for them."""
-        key = tuple(sorted(assignment.items()))
+        times = {name: node.times for name, node in self._nodes.items()}
+        key = (*sorted(assignment.items()), *(_in_cycles(each) for each in times.values()))
         if key not in self._known:
-            alone = zone_alone(self._line, self._number, assignment)
-            self._known[key] = simulated(alone, {name: node.times for name, node in self._nodes.items()})
+            self._known[key] = simulated(zone_alone(self._line, self._number, assignment), times)
         return self._known[key]
+
+
+def _in_cycles(times: WorkTimes) -> tuple[int, ...]:
+    """How long an arm takes in cycles of the line: the least difference that matters to its flow."""
+    return tuple(round(time / CYCLE) for time in (times.grip, *times.carry.values(), *times.back.values()))
 
 
 def zone_alone(line: Line, number: int, assignment: Assignment) -> Line:

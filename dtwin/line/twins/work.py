@@ -1,0 +1,85 @@
+"""How long the arm of a station takes, as its own work shows: no rehearsal knows the friction that makes it wait.
+
+What is used is what a tick tells: whether a box waits for an arm that is ready, for which place, and whether the
+gripper is closed.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict, deque
+from collections.abc import Iterable
+from statistics import median
+from typing import Final
+
+from dtwin.line.station import WorkTimes
+
+_ENOUGH: Final = 2
+"""Number of boxes after which what was measured counts more than a rehearsal."""
+_LAST: Final = 20
+"""Number of the last boxes that count."""
+_IDLE: Final = 2.0
+"""Share of the rehearsed way back from which on an arm is taken to have waited for a box."""
+
+
+class MeasuredWork:
+    """Times that an arm has taken for its last boxes.
+
+    Args:
+        places: names of its places, the first one for boxes of the number 1.
+        period: time of a tick, s.
+    """
+
+    def __init__(self, places: tuple[str, ...], period: float) -> None:
+        self._places, self._period = places, period
+        self._grips: deque[float] = deque(maxlen=_LAST)
+        self._carries: dict[str, deque[float]] = defaultdict(lambda: deque(maxlen=_LAST))
+        self._backs: dict[str, deque[float]] = defaultdict(lambda: deque(maxlen=_LAST))
+        self.interrupt()
+
+    def interrupt(self) -> None:
+        """Takes note that what is going on now tells nothing: the arm is stopped, or ticks are missing."""
+        self._ticks = 0
+        self._offered: int | None = None
+        self._gripped: int | None = None
+        self._released: int | None = None
+        self._place = ""
+
+    def follow(self, ticks: Iterable[tuple[int, bool]]) -> None:
+        """Follows the next ticks.
+
+        Args:
+            ticks: of each the number of the place of the box that waits for the arm, from 1, 0 for none, and whether
+                the gripper is closed.
+        """
+        for box, grips in ticks:
+            self._ticks += 1
+            if self._gripped is not None:
+                if not grips:
+                    self._carries[self._place].append(self._since(self._gripped))
+                    self._gripped, self._released = None, self._ticks
+            elif grips:
+                if self._offered is not None:
+                    self._grips.append(self._since(self._offered))
+                    self._gripped = self._ticks
+                self._offered = None
+            elif box and self._offered is None:
+                if self._released is not None:
+                    self._backs[self._place].append(self._since(self._released))
+                self._offered, self._released, self._place = self._ticks, None, self._places[box - 1]
+            elif not box:
+                self._offered = None
+
+    def times(self, rehearsed: WorkTimes) -> WorkTimes:
+        """How long the arm takes, of what was not seen often enough as it was rehearsed."""
+        grip = median(self._grips) if len(self._grips) >= _ENOUGH else rehearsed.grip
+        carry, back = dict(rehearsed.carry), dict(rehearsed.back)
+        for place in rehearsed.carry:
+            if len(self._carries[place]) >= _ENOUGH:
+                carry[place] = median(self._carries[place])
+            busy = [each for each in self._backs[place] if each <= _IDLE * rehearsed.back[place]]
+            if len(busy) >= _ENOUGH:
+                back[place] = median(busy)
+        return WorkTimes(grip, carry, back)
+
+    def _since(self, tick: int) -> float:
+        return (self._ticks - tick) * self._period

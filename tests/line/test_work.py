@@ -1,0 +1,56 @@
+"""How long an arm takes, measured in what its ticks tell."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dtwin.line.station import WorkTimes
+from dtwin.line.twins.work import MeasuredWork
+
+PLACES = ("blue", "red")
+REHEARSED = WorkTimes(1.0, {"blue": 2.0, "red": 2.5}, {"blue": 1.5, "red": 1.0})
+PERIOD = 0.01
+Box = tuple[int, int, int, int, int]
+
+
+def ticks(boxes: list[Box]) -> list[tuple[int, bool]]:
+    """The ticks of boxes: number of the place, and how many ticks the arm waits, grips, carries and goes back."""
+    found = []
+    for place, waits, grip, carry, back in boxes:
+        found += [(0, False)] * waits + [(place, False)] * grip + [(0, True)] * carry + [(0, False)] * back
+    return found
+
+
+LENGTH = st.integers(1, 90)
+
+
+@given(st.integers(1, 2), st.integers(2, 40), LENGTH, LENGTH, LENGTH, st.data())
+def test_what_was_done_often_enough_is_told_as_it_was(
+    place: int, count: int, grip: int, carry: int, back: int, data: st.DataObject
+) -> None:
+    work = MeasuredWork(PLACES, PERIOD)
+    all_ticks = ticks([(place, 0, grip, carry, back)] * count + [(place, 0, 1, 1, 1)])
+    cut = data.draw(st.integers(0, len(all_ticks)))
+    work.follow(all_ticks[:cut])
+    work.follow(all_ticks[cut:])
+    name, other = PLACES[place - 1], PLACES[2 - place]
+    found = work.times(REHEARSED)
+    assert found.carry[name] == pytest.approx(PERIOD * carry, abs=1e-9 if count > 2 else PERIOD * carry)
+    assert found.back[name] == pytest.approx(PERIOD * back)
+    assert found.grip == pytest.approx(PERIOD * grip, abs=1e-9 if count > 2 else PERIOD * grip)
+    assert (found.carry[other], found.back[other]) == (REHEARSED.carry[other], REHEARSED.back[other])
+
+
+def test_an_arm_that_waited_for_a_box_tells_nothing_of_its_way_back() -> None:
+    work = MeasuredWork(PLACES, PERIOD)
+    work.follow(ticks([(1, 900, 100, 200, 150)] * 5))
+    assert work.times(REHEARSED).back == REHEARSED.back
+
+
+def test_a_box_that_is_taken_away_and_one_held_at_a_stop_tell_nothing() -> None:
+    work = MeasuredWork(PLACES, PERIOD)
+    work.follow([(1, False)] * 50 + [(0, False)] * 300)
+    work.follow([(2, False)] * 100 + [(0, True)] * 50)
+    work.interrupt()
+    work.follow([(0, True)] * 500 + [(0, False)] * 100)
+    assert work.times(REHEARSED) == WorkTimes(1.0, REHEARSED.carry, REHEARSED.back)
