@@ -131,6 +131,9 @@ COMMANDS: Final[dict[str, Subcommand]] = {
     "experiment recovery": Subcommand(
         "evidence.recovery.campaign", "ExperimentRecovery", "draw faults, have each answered in a cell; report"
     ),
+    "experiment frozen": Subcommand(
+        "evidence.recovery.frozen", "ExperimentFrozen", "stop encoders in motion; report how the arm is held"
+    ),
     "fb fuzz": Subcommand(
         "evidence.hostile.trial", "FbFuzz", "trouble a device of its own with mutated input; report"
     ),

@@ -1,5 +1,7 @@
 """The blocks with lies of encoders, bursts and pushes around the plant: no box is lost, nothing runs away."""
 
+import math
+
 import pytest
 
 from tests.outside import drives, readings
@@ -61,6 +63,16 @@ def test_an_encoder_that_reads_nothing_is_not_believed() -> None:
 def test_a_healthy_arm_with_an_effect_works_as_without(name: str) -> None:
     found = outcome(EFFECTS[name], seed=13, duration=30.0)
     alone = outcome(nothing, seed=13, duration=30.0)
+    assert found.stopped == float("inf")
+    assert (found.delivered, found.lost) == (alone.delivered, alone.lost)
+
+
+@pytest.mark.parametrize("seed", [5, 6])
+@pytest.mark.parametrize(("bits", "knots"), [(10, 64), (11, 128), (12, 512)])
+def test_codes_that_a_coarse_encoder_repeats_stop_no_healthy_arm(bits: int, knots: int, seed: int) -> None:
+    """Its readings repeat in slow motion and are off by 3 mrad, and feedback answers both with torque."""
+    found = outcome(readings.corrected(3e-3, 2.0 * math.pi / 2**bits, knots), seed=seed, duration=30.0)
+    alone = outcome(nothing, seed=seed, duration=30.0)
     assert found.stopped == float("inf")
     assert (found.delivered, found.lost) == (alone.delivered, alone.lost)
 

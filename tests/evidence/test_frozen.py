@@ -1,0 +1,26 @@
+"""Encoders that stop in motion: what the blocks alone make of it, and what is told."""
+
+from __future__ import annotations
+
+import pytest
+
+from evidence.recovery.frozen import HELD, Frozen, FrozenOutcome, freeze, frozen_report
+
+
+@pytest.mark.parametrize(("moment", "box"), [(12.3, True), (13.0, True), (15.6, False)])
+def test_a_run_tells_whether_a_box_was_held_and_what_became_of_the_arm(moment: float, box: bool) -> None:
+    found = freeze(Frozen(7, 1, 3, moment))
+    assert (found.number, found.joint, found.moment, found.box) == (7, 3, moment, box)
+    assert found.stopped_s is not None
+    assert found.torque_off_s is None or found.torque_off_s > found.stopped_s
+    assert found.held == (found.torque_off_s is None and found.moved <= HELD)
+
+
+def test_the_page_counts_runs_by_encoder_and_box() -> None:
+    held = FrozenOutcome(7, 1, 12.3, True, 0.12, None, 3.0, 0.01, 0)
+    fell = FrozenOutcome(7, 1, 13.0, True, 0.12, 1.5, 8.0, 2.0, 1)
+    sank = FrozenOutcome(7, 3, 14.8, False, 0.2, None, 3.0, 0.5, 0)
+    assert [one.held for one in (held, fell, sank)] == [True, False, False]
+    text = frozen_report([held, fell, sank]).text
+    for row in ("1  yes  2  2  1  1  1  8.0  1", "3  no  1  1  0  0  0  3.0  0", "all  3  3  1  1  1  8.0  1"):
+        assert row.split() in [line.replace("|", " ").split() for line in text.splitlines()]
