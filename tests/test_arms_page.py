@@ -52,7 +52,9 @@ def walked(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
                     program, *words = shlex.split(line, comments=True)
                     patch.setattr(sys, "argv", ["dtwin", *words])  # of which a cell in the background is made
                     found = int(words[0] == "monitor")
-                    assert (program, status(words)) == ("scripts/dtwin", found), line
+                    assert (program, status(words)) == ("scripts/dtwin", found), (
+                        f"{line}\n{printed.getvalue()[-999:]}"
+                    )
     assert not any(waiting.values())
     return folder, printed.getvalue()
 

@@ -44,6 +44,8 @@ log = logging.getLogger(__name__)
 NAME: Final = "simulation"
 WAIT: Final = 0.2
 """Longest wait for a tick before the status is looked after, s."""
+PATIENCE: Final = 10.0
+"""Longest wait of an upload until an arm that has just begun was measured, s."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -195,6 +197,8 @@ class Uploading:
         uploads = self._there()
         if (asked.model is None and asked.tuning is None) == (asked.version is None):
             raise ParameterError("upload: expected either a model, a tuning or both, or the version of earlier ones")
+        if asked.model is None:  # how far the arm is off its path now says what to expect of it under other gains
+            self._predicting.await_measured(PATIENCE)
         with self._lock:
             now = uploads.settings
             wished = ArmSettings(asked.model or now.model, asked.tuning or now.tuning)

@@ -129,7 +129,9 @@ def test_recovery_lets_the_blocks_of_another_arm_count_on_what_was_found(desk: D
         assert found.strength == pytest.approx((0.7, 1.0), abs=0.05)
         seen = len(verdicts)
         until(lambda: len(verdicts) > seen + 20, "the arm works on")
-        assert {unit.state for unit in verdicts[-1].units.values()} == {"nominal"}
+        until(
+            lambda: {unit.state for unit in verdicts[-1].units.values()} == {"nominal"}, "nothing else is suspected"
+        )
         wrong = JointAdjustment("test", "too few", (0.0,), (1.0,), (1.0,))
         with pytest.raises(CommunicationError, match="offset: expected 2 values, one of each joint, got 1"):
             bus.ask(ADJUSTMENT, wrong, JointAdjustment)

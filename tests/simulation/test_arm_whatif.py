@@ -142,8 +142,10 @@ def test_predictions_stand_beside_what_was_measured() -> None:
 
     predicting.receive(JointTicks((tick(0, 0.0),)))
     assert predicting.answer(JointQuestion(), 3, ArmSettings(model)).measured is None
+    assert not predicting.await_measured(0.0)
     for k in range(1, round(SPAN / given.arm.period) + 1):
         predicting.receive(JointTicks((tick(k, 0.002 * (k == 40)),)))
+    assert predicting.await_measured(0.0)
     found = predicting.answer(JointQuestion(pole=8.0), 3, ArmSettings(model))
     assert found.version == 3
     assert found.measured == pytest.approx((0.002, 0.0))
@@ -151,3 +153,4 @@ def test_predictions_stand_beside_what_was_measured() -> None:
     assert found.now.stable
     predicting.receive(JointTicks((tick(0, 0.0),)))
     assert predicting.answer(JointQuestion(), 3, ArmSettings(model)).measured is None
+    assert not predicting.await_measured(0.0)

@@ -31,6 +31,7 @@ class Predicting:
         self._errors: deque[tuple[float, ...]] = deque(maxlen=round(SPAN / settings.arm.period))
         self._where: tuple[float, ...] | None = None
         self._last = -1
+        self._known = threading.Event()
         self._lock = threading.Lock()
         self._in_force: tuple[ArmSettings, JointOutcome] | None = None
 
@@ -43,6 +44,14 @@ class Predicting:
             self._last, self._where = sample.sequence, sample.theta
             if acted.sequence == sample.sequence and len(acted.target) == len(sample.theta):
                 self._errors.append(tuple(a - b for a, b in zip(acted.target, sample.theta, strict=True)))
+        if len(self._errors) == self._errors.maxlen:
+            self._known.set()
+        else:
+            self._known.clear()
+
+    def await_measured(self, longest: float) -> bool:
+        """Waits until the arm was measured for `SPAN`, at most `longest` s; whether it was."""
+        return self._known.wait(longest)
 
     @property
     def measured(self) -> tuple[float, ...] | None:
