@@ -5,7 +5,7 @@ import re
 import shlex
 import subprocess
 import sys
-from contextlib import redirect_stdout
+from contextlib import ExitStack, redirect_stdout
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -40,9 +40,15 @@ def walked(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
         (folder / name).mkdir()
     waiting = {language: list(names) for language, names in FILES.items()}
     printed = io.StringIO()
-    with TemporaryDirectory() as runtime, pytest.MonkeyPatch.context() as patch, redirect_stdout(printed):
+    with (
+        TemporaryDirectory() as runtime,
+        pytest.MonkeyPatch.context() as patch,
+        redirect_stdout(printed),
+        ExitStack() as afterwards,
+    ):
         patch.chdir(folder)
         patch.setenv("XDG_RUNTIME_DIR", runtime)  # its path is short, and no other cell is up there
+        afterwards.callback(main, ["down"])  # a walk that ends in between leaves no cell behind
         for language, text in re.findall(r"```(\w+)\n(.*?)```", PAGE, re.DOTALL):
             if language in waiting:
                 (folder / waiting[language].pop(0)).write_text(text)
