@@ -34,6 +34,7 @@ from dtwin.line.file import line_of
 from dtwin.line.line import Line
 from dtwin.line.live.serving import LiveLine
 from dtwin.line.run import LineRun, LineSettings
+from dtwin.line.station import WorkTimes
 from dtwin.line.twins import node, zone
 from dtwin.line.twins.decisions import Decision
 from dtwin.line_file import LineFile
@@ -112,7 +113,7 @@ class Running:
 def _quick() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(zone, "simulated", flow)
-        patch.setattr(node, "rehearsed", lambda plan: None)
+        patch.setattr(node, "rehearsed", lambda plan: WorkTimes(0.0, {}, {}))
         patch.setattr(
             node.NodeTwin, "watch", lambda self, log, arm, stopped: []
         )  # The blocks stop an arm without a monitor.

@@ -31,6 +31,7 @@ from dtwin.line.live.zone import OVERALL, LiveZone
 from dtwin.line.records.keeper import Keeper
 from dtwin.line.records.kept import COURSE, prepare, read
 from dtwin.line.records.tables import ask
+from dtwin.line.station import WorkTimes
 from dtwin.line.twins import node, zone
 from dtwin.line.twins.decisions import Decision
 from dtwin.line_file import LineFile
@@ -53,7 +54,7 @@ def flow(line: Line, times: object) -> float:
 def _quick() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(zone, "simulated", flow)
-        patch.setattr(node, "rehearsed", lambda plan: None)
+        patch.setattr(node, "rehearsed", lambda plan: WorkTimes(0.0, {}, {}))
         yield
 
 
