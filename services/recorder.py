@@ -167,7 +167,8 @@ class Recorder:
 
     def run(self, service: Service) -> None:
         """Records until it is asked to end, and what was on its way then."""
-        last = LastMessages(service, self._options.lossless)
+        # An emulator that is about to leave waits until it is told that all rows are there.
+        last = LastMessages(service, self._options.lossless, (lambda *_: self._report(service, "running"), None))
         self._catch_up(service.bus)
         service.ready()
         due = time.monotonic() + FLUSH

@@ -110,6 +110,21 @@ def test_a_cell_tells_its_user_where_its_controller_is(desk: Desk) -> None:
     assert "is down" in desk.run("down")
 
 
+def test_a_recorder_that_is_slow_in_lockstep_gets_the_whole_run(desk: Desk, tmp_path: Path) -> None:
+    """What it had not read yet when the emulator left was lost."""
+    log, headless = tmp_path / "slow.parquet", tmp_path / "headless.parquet"
+    desk.detach("--pace", "lockstep", "--duration", "13", "--seed", "5", "--log", str(log))
+    recorder = desk.find("dtwin.services.recorder")
+    os.kill(recorder, signal.SIGSTOP)
+    until(lambda: desk.summary()["services"]["emulator"]["state"] == "stopping", "the emulator has done all ticks")
+    os.kill(recorder, signal.SIGCONT)
+    until(lambda: log.exists(), "the log is there", 60.0)
+    cell = Cell(CellSettings(13, 5, control=ControlOptions().control()))
+    cell.run()
+    cell.log.freeze().write_parquet(headless)
+    assert difference(log, headless) == ""
+
+
 def test_a_path_too_long_for_sockets_is_one_line(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
     deep = desk.folder / ("x" * 100)
     deep.mkdir(mode=0o700)

@@ -28,10 +28,12 @@ class LastMessages:
     Args:
         service: frame of the service, whose inbox the messages come into.
         lossless: whether no message is lost, so that the emulator's last word can be waited for.
+        mark: comes into the inbox after all that the emulator has told, None for nothing.
     """
 
-    def __init__(self, service: Service, lossless: bool) -> None:
+    def __init__(self, service: Service, lossless: bool, mark: Any = None) -> None:
         self._service = service
+        self._mark = mark
         self._longest = LOSSLESS_LONGEST if lossless else LONGEST
         self._owed = lossless
         if lossless:
@@ -50,3 +52,5 @@ class LastMessages:
 
     def _note(self, status: Status) -> None:
         self._owed = status.state != "stopping"
+        if not self._owed and self._mark is not None:
+            self._service.inbox.put(self._mark)
