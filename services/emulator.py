@@ -32,7 +32,6 @@ from dtwin.run.out_of_place import out_of_place
 from dtwin.services.parts.gate import STALE
 from dtwin.services.parts.journaled import JournaledCell
 from dtwin.services.parts.missed.backlog import Kept, samples
-from dtwin.services.parts.missed.recorded import Recorded
 from dtwin.services.parts.pace import Pace
 from dtwin.services.parts.paced.loop import Paced
 from dtwin.services.parts.revival import revive
@@ -71,11 +70,7 @@ class Options(PlantOptions, Link):
             cell, trouble = revive(settings, self.journal)
         with Service(NAME, self) as service:
             emulator = Emulator(service, cell, self.pace, self.stale, trouble, self.recorded)
-            recorded = Recorded(service) if self.recorded and self.pace == "lockstep" else None
             whole = emulator.run(ticks, out_of_place(settings.task, settings.machine.arm(settings.arm)))
-            # The row of the last sample is there only when there is another one, or at the end of the recorder.
-            if whole and recorded is not None and not recorded.wait(cell.read().time - 2.5 * PERIOD):
-                log.warning("the recorder has not said that it has the whole run")
         return 0 if whole else ASKED_TO_END
 
 

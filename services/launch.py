@@ -218,8 +218,9 @@ class CellOptions(PlantOptions, ControlOptions, OtherArmOptions):
         sequence = ["--sequence", sequence_name(self.settings())]
         bridge += [*sequence, *cell]
         if self.safe_stop:
-            # The arm does not move before it is watched.
-            bridge += ["--monitored", str(self.silence), "--wait-for", "monitoring"]
+            bridge += ["--monitored", str(self.silence)]
+        if self.monitoring and (self.safe_stop or self.pace != "realtime"):
+            bridge += ["--wait-for", "monitoring"]  # A stop needs who watches; lockstep would else begin unwatched.
         emulator = [
             "--pace",
             self.pace,

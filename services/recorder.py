@@ -30,7 +30,7 @@ from dtwin.parameters import PERIOD, ArmParameters
 from dtwin.run.options import ArmOptions
 from dtwin.services.parts.log_parts import Parts
 from dtwin.services.parts.missed.catching_up import catch_up
-from dtwin.services.parts.missed.last_messages import LastMessages
+from dtwin.services.parts.missed.leaving import LastMessages
 from dtwin.services.parts.part_files import discard_parts, first_recording, mark_begun, numbered
 from dtwin.services.parts.readiness.ghost import believed, prepare_ghost
 from dtwin.services.parts.rows import LOSSLESS_PATIENCE, PATIENCE, Rows
@@ -168,7 +168,7 @@ class Recorder:
     def run(self, service: Service) -> None:
         """Records until it is asked to end, and what was on its way then."""
         # An emulator that is about to leave waits until it is told that all rows are there.
-        last = LastMessages(service, self._options.lossless, (lambda *_: self._report(service, "running"), None))
+        last = LastMessages(service, (lambda *_: self._report(service, "running"), None))
         self._catch_up(service.bus)
         service.ready()
         due = time.monotonic() + FLUSH

@@ -138,7 +138,8 @@ class DeviceBlocks:
             self._application = opened.enter_context(closing(found))
             self._application.watch(self._watched)
             self._arm, self._verdict, self._twin = (
-                opened.enter_context(self._application.connect(port)) for port in (arm, _VERDICT, twin)
+                opened.enter_context(_patiently(partial(self._application.connect, port)))
+                for port in (arm, _VERDICT, twin)
             )
             self._opened = opened.pop_all()
         if self._adjustment is not None:
@@ -146,7 +147,7 @@ class DeviceBlocks:
 
 
 def _patiently(connect: Callable[[], Any]) -> Any:
-    """Connects once the FORTE has noticed that the client before has gone. Raises CommunicationError."""
+    """Connects once the FORTE listens, and has noticed that the client before has gone. Raises CommunicationError."""
     deadline = time.monotonic() + PATIENCE
     while True:
         try:

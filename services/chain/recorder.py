@@ -22,7 +22,7 @@ from dtwin.bus.messages import EVENTS, JOINT_TICKS
 from dtwin.errors import RecordingError
 from dtwin.run.chain import ChainRun, ChainSettings
 from dtwin.services.chain.options import ArmCellOptions
-from dtwin.services.parts.missed.last_messages import LastMessages
+from dtwin.services.parts.missed.leaving import LastMessages
 from dtwin.services.service import Link, Service, main
 from dtwin.services.supervisor import PREPARED
 from dtwin.signals import Event, EventKind
@@ -37,6 +37,8 @@ WAIT: Final = 0.5
 MOST: Final = 86_400.0
 """Longest log, s: all its rows are kept in memory."""
 _FEW: Final = 4096
+_LEAVING: Final = JointTicks(())
+"""Stands in the inbox for the word of the emulator that it is about to leave."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,8 +47,6 @@ class Options(ArmCellOptions, Link):
 
     log: Path
     """Parquet log to write."""
-    lossless: bool = False
-    """Whether no tick is lost on its way, as where every tick waits for its command."""
 
     def run(self) -> int:
         settings = self.settings()
@@ -54,7 +54,7 @@ class Options(ArmCellOptions, Link):
         if PREPARED in os.environ and self.log.exists():
             rows.go_on(self.log)
         with Service(NAME, self) as service:
-            Recorder(service, rows, self.log, self.lossless).run()
+            Recorder(service, rows, self.log).run()
         return 0
 
 
@@ -127,12 +127,10 @@ class Recorder:
         service: frame of this service.
         rows: rows so far.
         path: file of the log.
-        lossless: whether no tick is lost on its way.
     """
 
-    def __init__(self, service: Service, rows: Rows, path: Path, lossless: bool) -> None:
+    def __init__(self, service: Service, rows: Rows, path: Path) -> None:
         self._service = service
-        self._lossless = lossless
         self._rows = rows
         self._path = path
         self._number = 1
@@ -143,21 +141,27 @@ class Recorder:
     def run(self) -> None:
         """Records until it is asked to end, and what was on its way then."""
         service = self._service
-        last = LastMessages(service, self._lossless)
+        last = LastMessages(service, _LEAVING)
         service.ready()
         due = time.monotonic() + KEEP
         while not service.stopping:
-            self._on_ticks(service.next(WAIT))
+            self._deal_with(service.next(WAIT))
             if time.monotonic() >= due:
                 self._keep()
                 due = time.monotonic() + KEEP
             if service.report_due():
-                service.report("running", self._rows.count, time=max(0.0, self._rows.last), late_ticks=self._left_out)
+                self._report()
         for passed in last:
-            self._on_ticks(passed)
+            self._deal_with(passed)
         self._keep()
 
-    def _on_ticks(self, passed: JointTicks | None) -> None:
+    def _report(self) -> None:
+        time = max(0.0, self._rows.last)
+        self._service.report("running", self._rows.count, time=time, late_ticks=self._left_out)
+
+    def _deal_with(self, passed: JointTicks | None) -> None:
+        if passed is _LEAVING:
+            self._report()  # It stays until it knows that all rows are here.
         for tick in () if passed is None else passed.ticks:
             if tick.sensors.sequence == 0 and self._rows.count:
                 self._begin_another()

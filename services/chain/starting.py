@@ -138,7 +138,7 @@ def programs_of(other: OtherArm, options: Any, link: list[str], console: int) ->
     lossless = ["--lossless"] if options.pace != "realtime" else []
     programs, waits = [], []
     if options.log:
-        programs.append(_service("recorder", [*link, *other.words, *lossless, "--log", str(options.log.resolve())]))
+        programs.append(_service("recorder", [*link, *other.words, "--log", str(options.log.resolve())]))
         waits = ["--wait-for", "recorder"]
     if options.monitoring:
         stop = ["--safe-stop"] if options.safe_stop else []
@@ -157,8 +157,10 @@ def programs_of(other: OtherArm, options: Any, link: list[str], console: int) ->
         programs.append(_service("simulation", [*link, *other.words, *file]))
     if options.console:
         programs.append(_service("console", [*link, *other.words, *_console_options(other, options, console)]))
-    if options.safe_stop:  # The arm does not move before it is watched.
-        waits += ["--monitored", str(options.silence), "--wait-for", "monitoring"]
+    if options.safe_stop:
+        waits += ["--monitored", str(options.silence)]
+    if options.monitoring and (options.safe_stop or options.pace != "realtime"):
+        waits += ["--wait-for", "monitoring"]  # A stop needs who watches; lockstep would else begin unwatched.
     device = [] if options.controller == EMBEDDED else ["--controller", options.controller.partition("://")[2]]
     programs.append(_service("bridge", [*link, *other.words, *lossless, *waits, *device]))
     emulator = [*link, *other.words, "--pace", options.pace, "--wait-for", "bridge"]

@@ -9,7 +9,7 @@ import pytest
 
 from dtwin.arm.model import ArmModel, ArmTuning
 from dtwin.bus.chain.messages import JointAdjustment, JointModel, JointSensors
-from dtwin.bus.messages import ADJUSTMENT, EVENTS, FAULT, MODEL, MONITORING, Done, FaultRequest
+from dtwin.bus.messages import ADJUSTMENT, EVENTS, MODEL, MONITORING
 from dtwin.bus.twin_messages import MonitoringVerdict
 from dtwin.controller.chain.application import inputs
 from dtwin.controller.chain.embedded import ChainController
@@ -21,6 +21,7 @@ from dtwin.run.arm_cell import ArmCell
 from dtwin.services.chain.device import DeviceBlocks
 from dtwin.services.runfile import join
 from dtwin.signals import Event
+from tests.services.test_other_arm import assert_nothing_more_fails
 from tests.support.desk import Desk
 from tests.support.forte import FORTES, forte
 from tests.support.waiting import until
@@ -55,21 +56,19 @@ def test_recovery_and_uploads_reach_the_blocks_on_a_forte(desk: Desk, tmp_path: 
     verdicts: list[MonitoringVerdict] = []
     events: list[Event] = []
     with forte(tmp_path, binary=binary) as address:
-        desk.detach(*words, "--recovery", "act", "--controller", f"forte://{address}")
+        given = ["--recovery", "act", "--fault", "K1*=0.7@90", "--controller", f"forte://{address}"]
+        desk.detach(*words, *given)
         with join("cell") as bus:
             bus.subscribe(MONITORING, MonitoringVerdict, verdicts.append)
             bus.subscribe(EVENTS, Event, events.append)
-            arm = arm_of("planar-2r")
-            model = JointModel("test", "as it really is", ArmModel.of(drawn(arm, 7)))
-            assert bus.ask(MODEL, model, JointModel) == model
             until(lambda: verdicts and verdicts[-1].units["joint 1"].state == "nominal", "the arm is known", 120.0)
-            bus.ask(FAULT, FaultRequest(("K1*=0.7@0",)), Done)
             until(lambda: any(event.kind == "recovery" for event in events), "the fault is answered", 120.0)
             found = bus.ask(ADJUSTMENT, None, JointAdjustment)
             assert found.strength == pytest.approx((0.7, 1.0), abs=0.05)
-            seen = len(verdicts)
-            until(lambda: len(verdicts) > seen + 20, "the arm works on", 60.0)
-            assert {unit.state for unit in verdicts[-1].units.values()} == {"nominal"}
+            assert_nothing_more_fails(verdicts, events)
+            arm = arm_of("planar-2r")
+            model = JointModel("test", "as it really is", ArmModel.of(drawn(arm, 7)))
+            assert bus.ask(MODEL, model, JointModel) == model
         assert desk.run("stop").startswith("standstill")
         assert desk.run("release").startswith("none")
         assert "down" in desk.run("down")

@@ -14,7 +14,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as FutureTimeoutError
-from typing import Any, Final, Generic, Protocol, TypeVar
+from typing import Any, Final, Generic, TypeVar
 
 from dtwin.bus.messages import (
     EVENTS,
@@ -31,9 +31,10 @@ from dtwin.bus.messages import (
 from dtwin.bus.topics.topic import Topic
 from dtwin.errors import CommunicationError, DivergenceError, DtwinError
 from dtwin.services.parts.gate import STALE, Gate
-from dtwin.services.parts.latch import Latch
 from dtwin.services.parts.latencies import Latencies
+from dtwin.services.parts.missed.leaving import Recorded
 from dtwin.services.parts.pace import Pace
+from dtwin.services.parts.paced.machine import Machine, Timed
 from dtwin.services.service import Service
 from dtwin.signals import Event, EventKind
 
@@ -48,67 +49,8 @@ REQUEST_TIMEOUT: Final = 4.0
 R = TypeVar("R")
 
 
-class Timed(Protocol):
-    """A message of a tick: its number, and its plant time, s."""
-
-    @property
-    def sequence(self) -> int: ...
-    @property
-    def time(self) -> float: ...
-
-
 S = TypeVar("S", bound=Timed)
-Read = TypeVar("Read", bound=Timed, covariant=True)
 C = TypeVar("C", bound=Timed)
-
-
-class Machine(Protocol[Read, C]):
-    """What runs: a cell or an arm, with the stop that is kept for it."""
-
-    @property
-    def latch(self) -> Latch: ...
-    @property
-    def seed(self) -> int: ...
-    @property
-    def command(self) -> C:
-        """The command that it obeys."""
-        ...
-
-    def read(self) -> Read:
-        """The sample of this tick."""
-        ...
-
-    def obey(self, command: C) -> None:
-        """Sets the command until the next one."""
-        ...
-
-    def hold_off(self, command: C) -> None:
-        """Takes the torque off where a command came that may not pass."""
-        ...
-
-    def stop(self) -> None:
-        """Takes the torque off until the next command."""
-        ...
-
-    def advance(self) -> None:
-        """Goes on by a tick. Raises DivergenceError when the motion is not finite any more."""
-        ...
-
-    def drain_events(self) -> Sequence[Event]:
-        """What happened since the last call."""
-        ...
-
-    def drain_news(self) -> Sequence[str]:
-        """What happened to files since the last call, in words."""
-        ...
-
-    def inject(self, faults: Sequence[str]) -> list[str]:
-        """Adds faults; returns them with the times they really have. Raises DtwinError if one cannot be."""
-        ...
-
-    def restart(self, seed: int) -> None:
-        """Starts anew at time 0."""
-        ...
 
 
 class Paced(ABC, Generic[S, C]):
@@ -150,6 +92,7 @@ class Paced(ABC, Generic[S, C]):
         self._trouble = trouble
         self._rivals_told = False
         self._began: tuple[float, float] | None = None
+        self._recorded = Recorded(service) if pace != "realtime" else None
         # A recorder must see every tick of a lockstep run, even if that slows the run down.
         self._publish_event: Callable[[Event], None] = bus.publisher(EVENTS, lossless=pace != "realtime")
         inbox = service.inbox
@@ -203,7 +146,16 @@ class Paced(ABC, Generic[S, C]):
             self._publish_event(event)
         self.end_of_run()
         self._report("stopping")
+        if whole and self._recorded is not None:
+            self._wait_for_recorder(self._recorded)
         return whole
+
+    def _wait_for_recorder(self, recorded: Recorded) -> None:
+        """Stays until the recorder has the rows of the whole run."""
+        # The row of a sample is there only when the next one has come, or at the end of the recorder.
+        last = self._machine.read().time - 2.5 * self._period
+        if not recorded.wait(last, lambda: self._report("stopping") if self._service.report_due() else None):
+            log.warning("the recorder has not said that it has the whole run")
 
     def _tick(self, sensors: S, due: float) -> float:
         """One tick that should begin at `due`; returns when the next one should."""
