@@ -34,7 +34,7 @@ from dtwin.run.loop import tick_count
 from dtwin.run.options import ArmOptions, CellFileOption, ControlOptions, PlantOptions
 from dtwin.run.settings import CellSettings, metadata, sequence_name
 from dtwin.services import runfile
-from dtwin.services.chain.starting import ALARMS, AUDIT, OtherArm, OtherArmOptions, other_arm, programs_of
+from dtwin.services.chain.starting import ALARMS, AUDIT, OtherArm, OtherArmOptions, awaited, other_arm, programs_of
 from dtwin.services.parts.fence import fence_warning
 from dtwin.services.parts.journal import carry_over
 from dtwin.services.parts.launched import Launched, running, signals
@@ -218,9 +218,8 @@ class CellOptions(PlantOptions, ControlOptions, OtherArmOptions):
         sequence = ["--sequence", sequence_name(self.settings())]
         bridge += [*sequence, *cell]
         if self.safe_stop:
-            bridge += ["--monitored", str(self.silence)]
-        if self.monitoring and (self.safe_stop or self.pace != "realtime"):
-            bridge += ["--wait-for", "monitoring"]  # A stop needs who watches; lockstep would else begin unwatched.
+            # The arm does not move before it is watched.
+            bridge += ["--monitored", str(self.silence), "--wait-for", "monitoring"]
         emulator = [
             "--pace",
             self.pace,
@@ -251,7 +250,8 @@ class CellOptions(PlantOptions, ControlOptions, OtherArmOptions):
             programs.append(_service("recovery", [*link, *cell, *record, "--mode", self.recovery]))
         if self.console:
             programs.append(_service("console", [*link, *self._console_options(ports, console)]))
-        programs.append(_service("emulator", [*link, *emulator, "--wait-for", "bridge"], leading=True))
+        emulator += awaited(programs, self.pace)
+        programs.append(_service("emulator", [*link, *emulator], leading=True))
         return programs
 
     def _turns(self) -> list[str]:

@@ -13,6 +13,7 @@ from typing import Any, Final
 
 from dtwin.errors import ParameterError
 from dtwin.parameters import ROOT
+from dtwin.services.parts.pace import Pace
 from dtwin.services.supervisor import Program
 
 THESIS: Final = "thesis"
@@ -157,15 +158,23 @@ def programs_of(other: OtherArm, options: Any, link: list[str], console: int) ->
         programs.append(_service("simulation", [*link, *other.words, *file]))
     if options.console:
         programs.append(_service("console", [*link, *other.words, *_console_options(other, options, console)]))
-    if options.safe_stop:
-        waits += ["--monitored", str(options.silence)]
-    if options.monitoring and (options.safe_stop or options.pace != "realtime"):
-        waits += ["--wait-for", "monitoring"]  # A stop needs who watches; lockstep would else begin unwatched.
+    if options.safe_stop:  # The arm does not move before it is watched.
+        waits += ["--monitored", str(options.silence), "--wait-for", "monitoring"]
     device = [] if options.controller == EMBEDDED else ["--controller", options.controller.partition("://")[2]]
     programs.append(_service("bridge", [*link, *other.words, *lossless, *waits, *device]))
-    emulator = [*link, *other.words, "--pace", options.pace, "--wait-for", "bridge"]
+    emulator = [*link, *other.words, "--pace", options.pace, *awaited(programs, options.pace)]
     emulator += [] if options.duration is None else ["--duration", str(options.duration)]
     return [*programs, _service("emulator", emulator, leading=True)]
+
+
+def awaited(programs: list[Program], pace: Pace) -> list[str]:
+    """Words by which an emulator begins when those are there that its first ticks are for.
+
+    Each process finds the others by itself: who is there for the bridge need not be there for the emulator yet.
+    Ticks of the wall clock wait for the bridge alone.
+    """
+    names = {"bridge"} if pace == "realtime" else {"bridge", "recorder", "monitoring"}
+    return [word for each in programs if each.name in names for word in ("--wait-for", each.name)]
 
 
 def _console_options(other: OtherArm, options: Any, port: int) -> list[str]:

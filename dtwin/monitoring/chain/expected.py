@@ -51,8 +51,8 @@ def filtered(arm: Arm, t: Array, q: Array, effort: Array) -> Filtered:
     Raises:
         RecordingError: it is shorter than the filter.
     """
-    if len(t) <= WINDOW:
-        raise RecordingError(f"expected more than {WINDOW} samples, got {len(t)}")
+    if len(t) < WINDOW:
+        raise RecordingError(f"expected at least {WINDOW} samples, got {len(t)}")
     half = WINDOW // 2
     kept = slice(half, len(t) - half, EVERY)
 

@@ -11,7 +11,7 @@ from dtwin.emulation.chain.faults import parse_chain_fault
 from dtwin.errors import FaultError, RecordingError
 from dtwin.monitoring.chain.finding import ChainFinding
 from dtwin.monitoring.chain.monitor import SHOWN, ArmMonitor
-from dtwin.monitoring.chain.sequential import first_fault
+from dtwin.monitoring.chain.sequential import FirstFault, first_fault
 from dtwin.run.arm_cell import ArmCell
 from dtwin.run.chain import ChainSettings, run
 
@@ -66,6 +66,28 @@ def test_a_monitor_that_takes_samples_as_they_come_finds_what_is_found_in_the_wh
     monitor.acknowledge()
     assert monitor.verdict().units["joint 1"].state == "not commissioned"
     assert [event.kind for event in monitor.events] == ["fits", "suspected", "failed", "acknowledged"]
+
+
+@pytest.mark.parametrize("together", [1, 5, 11])
+@pytest.mark.parametrize("lost", [False, True])
+def test_it_does_not_matter_how_many_samples_come_together(together: int, lost: bool) -> None:
+    """The filter takes as many as it needs, and not one more."""
+    ran = run(replace(SETTINGS, faults=(parse_chain_fault("K1*=0.8@38", 2),)))
+    rows = ran.t, ran.q, ran.target, ran.effort
+    known, begin = round(HEALTHY / SETTINGS.arm.period), round(37.0 / SETTINGS.arm.period)
+    watches = []
+    for size in (together, len(ran.t)):
+        watch = FirstFault(SETTINGS.arm, HEALTHY)
+        watch.follow(*(row[: known + 1] for row in rows))
+        if lost:
+            watch.forget()
+        for first in range(begin if lost else known + 1, len(ran.t), size):
+            watch.follow(*(row[first : first + size] for row in rows))
+        watches.append(watch)
+    few, many = (watch.finding for watch in watches)
+    assert few is not None
+    assert many is not None
+    assert (few.cause, few.time, few.size) == (many.cause, many.time, pytest.approx(many.size))
 
 
 def test_a_monitor_goes_on_after_a_push_and_after_samples_that_are_missing() -> None:
