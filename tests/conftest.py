@@ -43,6 +43,14 @@ def compiled_modules() -> Iterator[None]:
         yield
 
 
+@pytest.fixture(scope="session", autouse=True)
+def own_runtime_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Keeps tests apart from the cells that their user has up."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_RUNTIME_DIR", str(tmp_path_factory.mktemp("runtime")))
+        yield
+
+
 @cache
 def _log(duration: float, seed: int, faults: tuple[str, ...], step: float, noise: float) -> Log:
     parsed = tuple(parse_fault(fault) for fault in faults)

@@ -13,6 +13,7 @@ from dtwin.campaign.spread import Progress
 from dtwin.commands.frame import at_least
 from dtwin.controller.chain.embedded import ChainController
 from dtwin.emulation.chain.faults import KINDS, ChainFault, Kind
+from dtwin.errors import ParameterError
 from dtwin.monitoring.chain.sequential import HEALTHY
 from dtwin.recovery.chain.answers import MEASURES
 from dtwin.recovery.chain.operator import ArmOperator, Step
@@ -25,8 +26,10 @@ _FIRST: Final = 3000
 """Number of the first machine, apart from those of other experiments."""
 _AFTER: Final = 20.0
 """Time after the healthy stretch in which a fault begins, s."""
-_ANSWERED: Final = 14.0
+ANSWERED: Final = 14.0
 """Time for which the arm goes on after its fault, s."""
+LEAST, MOST = 8.0, 3600.0
+"""Bounds of that time, s."""
 _JUDGED: Final = 4.0
 """Time at the end in which its tracking is judged, s."""
 _AT_ONCE: Final = 20
@@ -74,6 +77,12 @@ class Case:
         return bool(self.steps) and not self.stopped and self.close and self.tracking <= _WORSE
 
     @property
+    def consequences(self) -> tuple[Step, ...]:
+        """What was found after the first answer and names another cause than the fault."""
+        joint = "" if self.fault.kind == "load" else f"{self.fault.joint + 1}"
+        return tuple(step for step in self.steps[1:] if step.finding.cause != self.fault.kind + joint)
+
+    @property
     def delay(self) -> float | None:
         """From the fault to the first answer, s."""
         return self.steps[0].time - self.fault.start if self.steps else None
@@ -106,12 +115,14 @@ class Onlooker:
         self._seen = done
 
 
-def recovery_case(name: str, machine: int, generator: np.random.Generator, kind: Kind) -> Case:
-    """Runs a drawn machine with a drawn fault of a kind, and judges what came of it."""
+def recovery_case(
+    name: str, machine: int, generator: np.random.Generator, kind: Kind, after: float = ANSWERED
+) -> Case:
+    """Runs a drawn machine with a drawn fault of a kind for so long after it, s, and judges what came of it."""
     cell = ArmCell(arm=name, machine=str(machine))
     arm = cell.settings(1.0, machine).arm
     fault = drawn(arm, kind, generator)
-    settings = replace(cell.settings(fault.start + _ANSWERED, machine), faults=(fault,))
+    settings = replace(cell.settings(fault.start + after, machine), faults=(fault,))
     onlooker = Onlooker(settings)
     ran = run(settings, beside=onlooker)
     operator = onlooker.operator
@@ -145,19 +156,21 @@ def drawn(arm: Arm, kind: Kind, generator: np.random.Generator) -> ChainFault:
     return ChainFault(kind, joint, value, begin, begin + 0.5 if kind == "push" else np.inf)
 
 
-def arm_recovery(name: str, cases: int, seed: int, progress: Progress) -> tuple[Case, ...]:
+def arm_recovery(name: str, cases: int, seed: int, after: float, progress: Progress) -> tuple[Case, ...]:
     """Draws cases, each a machine and a fault; the kinds take turns.
 
     Args:
         name: an arm.
         cases: number of cases.
         seed: number of the first machine, from 3000 on.
+        after: time for which each goes on after its fault, s.
         progress: is told how many cases are done.
     """
     found = []
     for k in range(cases):
         number = _FIRST + seed + k
-        found.append(recovery_case(name, number, np.random.default_rng([number, 5]), KINDS[k % len(KINDS)]))
+        kind = KINDS[k % len(KINDS)]
+        found.append(recovery_case(name, number, np.random.default_rng([number, 5]), kind, after))
         progress(k + 1, cases)
     return tuple(found)
 
@@ -201,6 +214,7 @@ def arm_recovery_figures(cases: tuple[Case, ...]) -> dict[str, Any]:
         "right": sum(case.right for case in cases),
         "early": sum(case.early for case in cases),
         "stopped_without_need": sum(case.stopped and case.expected != "stop" for case in cases),
+        "consequences": sum(len(case.consequences) for case in cases),
         "delay": float(np.median(delays)) if delays else None,
         "wrong": [{"machine": case.machine, "fault": str(case.fault)} for case in cases if not case.right],
     }
@@ -221,7 +235,8 @@ def arm_recovery_report(name: str, cases: tuple[Case, ...]) -> Report:
     words = (
         f"{figures['right']} of {figures['cases']} right. tracking: largest distance from the path in the last "
         f"{_JUDGED:g} s, in parts of that before the fault. {figures['early']} had an answer before their fault, "
-        f"{figures['stopped_without_need']} were stopped without need."
+        f"{figures['stopped_without_need']} were stopped without need. {figures['consequences']} findings after the "
+        "first answers name another cause than the fault."
     )
     return Report(f"Recovery of drawn machines of {name}", ("\n".join(rows), words))
 
@@ -236,10 +251,14 @@ class ExperimentArmRecovery(ExperimentCommand[tuple[Case, ...]]):
     """Name of arms/, or file of an arm (*.toml)."""
     cases: int = 20
     """Number of machines, each with a fault; the kinds take turns."""
+    after: float = ANSWERED
+    """Time for which each works on after its fault, s."""
 
     def measure(self, progress: Progress) -> tuple[Case, ...]:
         at_least("--cases", self.cases, 1)
-        return arm_recovery(self.arm, self.cases, self.seed, progress)
+        if not LEAST <= self.after <= MOST:
+            raise ParameterError(f"--after: expected {LEAST:g} to {MOST:g} s, got {self.after}")
+        return arm_recovery(self.arm, self.cases, self.seed, self.after, progress)
 
     def report(self, result: tuple[Case, ...]) -> Report:
         return arm_recovery_report(self.arm, result)

@@ -194,7 +194,7 @@ class MqttChannel:
 
     def send(self, values: tuple[Any, ...]) -> None:
         """Publishes. Raises CommunicationError when that cannot be: no broker, or too many messages wait for it."""
-        while self._unsent and self._unsent[0].is_published():
+        while self._unsent and _is_over(self._unsent[0]):
             self._unsent.popleft()
         if len(self._unsent) >= UNSENT:
             raise CommunicationError(f"{UNSENT} messages wait for {self._client.broker}")
@@ -216,3 +216,11 @@ class MqttChannel:
     def close(self) -> None:
         self._inlet.close()
         self._client.remove(self)
+
+
+def _is_over(sent: MQTTMessageInfo) -> bool:
+    """Whether a message waits no more: it was published, or was lost with its connection."""
+    try:
+        return bool(sent.is_published())
+    except (RuntimeError, ValueError):
+        return True

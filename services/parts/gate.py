@@ -29,6 +29,7 @@ class Gate:
 
     Attributes:
         expected: sequence number of the sample to be answered.
+        repeated: number of the last sample that was published again, whose answer may come again; -1 for none.
         rivals: whether a second publisher has been seen since the flag was last cleared.
 
     Raises:
@@ -45,6 +46,7 @@ class Gate:
         self._duplicates = 0
         self._duplicate_at = -RIVAL_GAP - 1
         self.expected = 0
+        self.repeated = -1
         self.rivals = False
 
     def restart(self, sequence: int) -> None:
@@ -52,6 +54,7 @@ class Gate:
         self._last = sequence - 1
         self._seen = None
         self.expected = sequence
+        self.repeated = -1
 
     def admit(self, command: Numbered, now: float, sent: float) -> bool:
         """Whether the arm shall obey a command that comes now and answers a sample sent at a time."""
@@ -60,6 +63,8 @@ class Gate:
             self._refuse("from the future", f"command {sequence}, expected at most {self.expected}")
         elif sequence < self._last:
             self._refuse("out of sequence", f"command {sequence} after {self._last}")
+        elif sequence == self._last == self.repeated:
+            return False
         elif sequence == self._last:
             self._refuse("duplicate", f"a second command {sequence}: is there a second publisher?")
             self._note_duplicate(sequence)

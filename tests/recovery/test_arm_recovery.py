@@ -104,4 +104,12 @@ def test_a_fault_of_a_drawn_machine_is_found_and_answered(kind: Kind) -> None:
     assert not case.early
     assert case.steps[0].answer.measure == MEASURES[kind]
     assert case.stopped == (kind == "lock")
+    assert not case.consequences
     assert "1 of 1 right" in str(arm_recovery_report("planar-2r", (case,)).parts[1])
+
+
+def test_an_arm_that_counts_on_a_further_load_is_not_suspected_of_anything_else() -> None:
+    """Its links and gears carry more now, which the healthy arm has not shown."""
+    case = recovery_case("six-axis", 5002, np.random.default_rng([5002, 9]), "load", after=20.0)
+    assert [step.answer.measure for step in case.steps] == ["load"]
+    assert not case.consequences

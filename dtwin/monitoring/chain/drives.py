@@ -21,6 +21,11 @@ from dtwin.monitoring.chain.finding import ChainFinding
 WINDOWS: Final = (10, 20, 40, 80, 160)
 """Lengths over which evidence is gathered, in filtered samples: 0.5 to 8 s at 100 Hz."""
 FACTOR: Final = 2.0
+AGAIN: Final = 30.0
+"""Time after a cause was answered in which the evidence of the arm that works on is learned, s: its motion shows more
+of what the answer and the model do not explain."""
+CAUTION: Final = 4.0
+"""Within that time, in parts of what is evidence else."""
 LEAST: Final = 25.0
 """Least ratio that is evidence at all."""
 SOON: Final = 1.0
@@ -39,6 +44,8 @@ PRIOR: Final = {"bias": 0.02, "push": 0.3}
 """Odds of causes beside others before anything was seen: an encoder that shifts without a jump is rare."""
 SPREAD: Final = {"K": 0.3, "friction": 0.7}
 """Usual size of what is left of a drive's torque, and of friction in parts of what it was, as logarithms."""
+SHIFT: Final = 0.05
+"""Usual size of what an encoder has shifted by without a jump, which single readings would show, rad or m."""
 _NOTHING: Final = 1e-12
 
 
@@ -117,6 +124,7 @@ class Drives:
         self._times, self._innovation = np.zeros(0), np.zeros((0, len(arm)))
         self._columns = np.zeros((0, len(arm), 0))
         self._add(learned)
+        self._learned, self._most = 0, list[Array]()
         evidence = self._evidence()
         self._least = np.array([_least(arm, name) for name in self._names])
         self._bounds, self._alike = [], 1.0
@@ -142,6 +150,8 @@ class Drives:
         """Goes on without the last alarm, with other friction and another load if they are given."""
         self.alarm = None
         if adjustment is not None:
+            self._learned = self._count + self._after(AGAIN)
+            self._most = [np.zeros(len(self._names)) for _ in self._bounds]
             self._expected.adjust(np.array(adjustment.friction), adjustment.load)
 
     def follow(self, t: Array, q: Array, effort: Array) -> ChainFinding | None:
@@ -203,8 +213,12 @@ class Drives:
         """The first of the last samples for which some window is evidence enough."""
         fresh = max(0, len(self._times) - made)
         best: Alarm | None = None
-        for window, bound in self._bounds:
+        learns = self._learns()
+        for k, (window, bound) in enumerate(self._bounds):
             ratio, size = evidence.over(window)
+            if learns:
+                self._most[k] = np.maximum(self._most[k], ratio[fresh:].max(axis=0))
+                bound = CAUTION * bound
             enough = (ratio[fresh:] > bound) & (np.abs(size[fresh:]) > self._least)
             sure = np.flatnonzero(enough.any(axis=1))
             if len(sure) and (best is None or begin + fresh + int(sure[0]) < best.sample):
@@ -212,6 +226,18 @@ class Drives:
                 time = float(self._times[at]) + WINDOW // 2 * self._arm.period
                 best = Alarm(begin + at, window, time)
         return best
+
+    def _learns(self) -> bool:
+        """Whether the evidence of an arm after an answer is learned still; what was learned counts afterwards."""
+        if self._count <= self._learned:
+            return True
+        if self._most:
+            self._bounds = [
+                (window, np.maximum(bound, FACTOR * most))
+                for (window, bound), most in zip(self._bounds, self._most, strict=True)
+            ]
+            self._most = []
+        return False
 
     def _add(self, log: Filtered) -> None:
         causes = self._expected.causes(log)
@@ -282,6 +308,8 @@ def _likely(name: str, size: float) -> float:
     """
     kind = name.rstrip("0123456789")
     odds = PRIOR.get(kind, 1.0)
+    if kind == "bias":
+        return odds * float(np.exp(-0.5 * (size / SHIFT) ** 2))
     if kind not in SPREAD:
         return odds
     left = 1.0 - size if kind == "K" else 1.0 + size

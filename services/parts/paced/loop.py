@@ -210,6 +210,7 @@ class Paced(ABC, Generic[S, C]):
             now = time.monotonic()
             if now >= repeat:
                 self._state = "waiting"
+                self._gate.repeated = sensors.sequence
                 self.publish_sample(sensors)
                 repeat = now + REPEAT
             if self._service.report_due():

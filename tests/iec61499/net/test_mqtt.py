@@ -6,6 +6,8 @@ import shutil
 import subprocess
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
 
@@ -17,6 +19,13 @@ from tests.support.ports import free_port
 from tests.support.waiting import until
 
 pytest.importorskip("paho.mqtt.client", reason="the extra mqtt is not installed")
+from paho.mqtt.client import MQTTMessageInfo
+from paho.mqtt.enums import MQTTErrorCode
+
+from iec61499.net.mqtt import UNSENT, MqttChannel
+from iec61499.net.wire import Signature
+from iec61499.types import BOOL
+
 MOSQUITTO = shutil.which("mosquitto") or shutil.which("mosquitto", path="/usr/sbin")
 
 NETWORK = """
@@ -160,3 +169,24 @@ def test_layers_that_mqtt_does_not_carry_are_refused(device: ServedDevice) -> No
         wait_for(client, "R", "NUMBER.STATUS", lambda value: value == "TERMINATED")
         statuses = [client.read("R", f"{name}.STATUS") for name in ("TWO", "NONE")]
         assert statuses == ["TERMINATED", "INVALID_ID"]
+
+
+def test_a_message_that_was_lost_with_its_connection_keeps_no_other_one_waiting() -> None:
+    sent: list[MQTTMessageInfo] = []
+
+    class Lossy:
+        """A client whose connection breaks after every message."""
+
+        broker = "tcp://127.0.0.1:1883"
+
+        def publish(self, topic: str, data: bytes) -> MQTTMessageInfo:
+            for each in sent:
+                each.rc = MQTTErrorCode.MQTT_ERR_CONN_LOST
+            sent.append(MQTTMessageInfo(len(sent)))
+            return sent[-1]
+
+    inlet = SimpleNamespace(port=SimpleNamespace(kind="PUBLISH"))
+    channel = MqttChannel(cast(Any, Lossy()), "plant/said", cast(Any, inlet), Signature([BOOL]), Signature([]))
+    for _ in range(UNSENT + 2):
+        channel.send((True,))
+    assert len(sent) == UNSENT + 2

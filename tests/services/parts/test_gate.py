@@ -40,6 +40,22 @@ def test_the_answer_to_the_expected_sample_counts_once() -> None:
     assert guarded.refused == {"duplicate": 1}
 
 
+def test_a_sample_that_was_published_again_may_be_answered_again() -> None:
+    guarded = Guarded()
+    for sequence in range(2 * RIVAL_COMMANDS):
+        guarded.gate.expected = sequence
+        guarded.gate.repeated = sequence
+        assert guarded.admit(sequence)
+        assert not guarded.admit(sequence)
+    assert not guarded.refused
+    assert not guarded.gate.rivals
+    for sequence in range(2 * RIVAL_COMMANDS, 3 * RIVAL_COMMANDS):
+        guarded.gate.expected = sequence
+        assert guarded.admit(sequence)
+        assert not guarded.admit(sequence)
+    assert guarded.gate.rivals
+
+
 def test_a_late_answer_still_counts_while_no_newer_one_has_come() -> None:
     guarded = Guarded()
     guarded.gate.expected = 5
