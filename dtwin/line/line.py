@@ -216,6 +216,10 @@ class Line:
         """Names of the stations that can do an operation."""
         return tuple(station.name for station in self.stations if operation in station.operations)
 
+    def places(self, assignment: Assignment, station: str) -> frozenset[str]:
+        """The places of its cell to which a station brings boxes with an assignment."""
+        return frozenset(each.place for each in self.operations if assignment[each.name] == station)
+
     def check_assignment(self, assignment: Assignment) -> None:
         """Checks that every operation is done by a station that can do it, and that no box has to go back a zone.
 

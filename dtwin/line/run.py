@@ -13,8 +13,9 @@ from dtwin.line.control import Exchange
 from dtwin.line.floor import Floor, Sample, cycles_of
 from dtwin.line.line import Line
 from dtwin.line.plant import LineEvent
+from dtwin.line.station import WorkTimes, settings_text
 from dtwin.line.twins.decisions import OPERATOR, REPAIRED, Absence, Decision, Mode
-from dtwin.line.twins.guard import Guard
+from dtwin.line.twins.guard import Guard, Hands
 from dtwin.line.twins.node import Capability
 from dtwin.line.twins.nodes import node_of
 from dtwin.line.twins.overall import Choice
@@ -90,9 +91,15 @@ class LineRun:
         self.floor = Floor(line, settings.devices, blocks)
         self.plant, self.emulated = self.floor.plant, self.floor.emulated
         self.course = Course(self.floor.events, self.floor.samples)
-        nodes = {s.name: node_of(line, s) for s in line.stations}
+        nodes = self._nodes = {s.name: node_of(line, s) for s in line.stations}
         zones = [ZoneTwin(line, number, nodes) for number in range(len(line.zones))]
-        self._guard = Guard(nodes, lambda name, state, why: self.emulated[name].give(state), self._note)
+        hands = Hands(
+            lambda name, state, why: self.emulated[name].give(state),
+            lambda name, other, why: self.emulated[name].give("settings", text=settings_text(other)),
+            lambda name: line.places(self.work.assignment, name),
+            self._note,
+        )
+        self._guard = Guard(nodes, settings.twins, hands)
         doors = Doors(self.floor.control.set_up, lambda: self.time, self._note, self._propose)
         self.work = Reorganisation(line, settings.twins, zones, doors)
         self._absence = Absence(self._note)
@@ -155,6 +162,10 @@ class LineRun:
         """Whether the arm of a station is stopped, or is to be in the next cycle."""
         return station in self._guard.stopped or bool(self.plant.stations[station].report.stop)
 
+    def times(self) -> dict[str, WorkTimes]:
+        """How long the arms take, as the twins of their stations say."""
+        return {name: node.times for name, node in self._nodes.items()}
+
     def capability(self, station: str) -> Capability:
         """What the arm of a station can still do, as its twin says."""
         return self._guard.capability(station)
@@ -169,14 +180,16 @@ class LineRun:
         self.work.reconsider(self._guard.by_hand(station, who, why, self.time), station)
 
     def release(self, station: str, who: str, why: str) -> None:
-        """Lets a stopped arm move again, as one that is repaired.
+        """Lets a stopped arm move again, or one with other settings work with its own, as one that is repaired.
 
         Raises:
-            ParameterError: there is no such station, or its arm is not stopped.
+            ParameterError: there is no such station, or its arm is neither.
         """
         self._check_station(station)
-        if not self.is_stopped(station):
-            raise ParameterError(f"station {station}: expected one whose arm is stopped")
+        if not self.is_stopped(station) and self.emulated[station].settings is None:
+            raise ParameterError(
+                f"station {station}: expected one whose arm is stopped, or works with other settings"
+            )
         self._repair(station, who, why)
 
     def _look(self) -> None:
@@ -186,7 +199,8 @@ class LineRun:
         if self.settings.twins != "off":
             for name in self.emulated:
                 report = self.plant.stations[name].report
-                for because in self._guard.look(name, self.emulated[name].log, report.arm, report.stop, self.time):
+                log, settings = self.emulated[name].log, self.emulated[name].settings
+                for because in self._guard.look(name, log, report.arm, report.stop, self.time, settings):
                     self.work.reconsider(because, name)
             self.work.retry()
         # Last, because what stations told before is old then.

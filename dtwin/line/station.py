@@ -10,13 +10,17 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, Literal, NamedTuple, Protocol
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from dtwin.bus.line.plant import ArmSettings
+from dtwin.controller.bounds import check_bounds
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.ports import STOP, VERDICT
 from dtwin.controller.sequence import SequenceSettings
 from dtwin.controller.settings import ControlSettings
+from dtwin.controller.settings_port import EmbeddedPort
 from dtwin.emulation.boxes import Box, Deliveries
 from dtwin.emulation.emulation import Emulation
 from dtwin.emulation.faults import parse_fault
@@ -48,13 +52,14 @@ class Input:
     Attributes:
         tick: number of ticks before it.
         kind: "bring" a box of a mass (kg) that belongs to a place, "take" the waiting one away, tell the blocks that
-            the arm has "failed" or that its "angles unknown", "release" a stopped arm, or let a "fault" begin.
+            the arm has "failed" or that its "angles unknown", give them other "settings", "release" the arm, which
+            has the settings of its cell again then, or let a "fault" begin.
         mass: mass of the box, kg.
-        text: place of the box, or the fault.
+        text: place of the box, the fault, or the settings as JSON.
     """
 
     tick: int
-    kind: Literal["bring", "take", "failed", "angles unknown", "release", "fault"]
+    kind: Literal["bring", "take", "failed", "angles unknown", "settings", "release", "fault"]
     mass: float = 0.0
     text: str = ""
 
@@ -107,6 +112,7 @@ class EmulatedStation:
         arm: its arm as the cell says.
         log: its log, the same to the byte as that of the cell alone with the same `inputs`.
         inputs: everything that was done to it.
+        settings: what its blocks have in the place of the settings of its cell; None for nothing.
 
     Raises:
         DtwinError: its cell cannot be.
@@ -128,6 +134,8 @@ class EmulatedStation:
         self.arm = settings.arm
         self.log = RunLog(metadata(settings))
         self.inputs: list[Input] = []
+        self.settings: ArmSettings | None = None
+        self._usual, self._port = settings.control, EmbeddedPort(self._controller)
         self.colours = settings.task.colours
         blocks = self._controller.resource
         self._stop = blocks.reader([STOP])
@@ -166,8 +174,8 @@ class EmulatedStation:
         """Does something to it before the next tick, and notes it.
 
         Raises:
-            ParameterError: the box belongs to no place, or comes while the arm is not free; or it is a kind that
-                there is not.
+            ParameterError: the box belongs to no place, or comes while the arm is not free, or settings are out of
+                range.
         """
         if given.kind == "bring":
             if given.text not in self.colours or self._arm != FREE:
@@ -179,10 +187,24 @@ class EmulatedStation:
             self._arm = FREE
         elif given.kind == "fault":
             self._emulation.inject([parse_fault(given.text)])
+        elif given.kind == "settings":
+            self._put(msgspec.json.decode(given.text, type=ArmSettings))
         else:
+            if given.kind == "release" and self.settings is not None:
+                self._put(None)
             state = {"failed": 2, "angles unknown": 3, "release": 0}[given.kind]
             self._verdict.exchange((state, 1.0, given.kind == "release"))
         self.inputs.append(given)
+
+    def _put(self, settings: ArmSettings | None) -> None:
+        """Has the blocks work with other settings than those of the cell, or with these again."""
+        new = self._usual
+        if settings is not None:
+            new = replace(new, target_time=settings.target_time, model=settings.model)
+            check_bounds(new)
+        self._port.send_gains(new.gains, new.target_time)
+        self._port.send_model(new.model)
+        self.settings = settings
 
     def advance(self, ticks: int) -> Report:
         run(self._emulation, self._controller, ticks, record=self.log.append, ahead=self._ahead)
@@ -266,6 +288,11 @@ class WorkTimes:
     grip: float
     carry: Mapping[str, float]
     back: Mapping[str, float]
+
+
+def settings_text(settings: ArmSettings) -> str:
+    """Settings as the text of an `Input`."""
+    return msgspec.json.encode(settings).decode()
 
 
 class TimedStation:

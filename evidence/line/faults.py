@@ -2,28 +2,41 @@
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Final
+from typing import Any, ClassVar, Final, Literal, get_args
 
 import msgspec
 import numpy as np
 
 from dtwin.campaign.spread import EVERY_CORE, Progress, Workforce, spread
 from dtwin.commands.frame import at_least
-from dtwin.errors import DtwinError, ParameterError
+from dtwin.errors import ParameterError, choices
 from dtwin.line.file import DEFAULT_NAME, line_of
-from dtwin.line.line import Assignment, Line
+from dtwin.line.line import Line
 from dtwin.line.run import LineRun, LineSettings
-from dtwin.line.station import WorkTimes
-from dtwin.line.twins.node import rehearsed
 from dtwin.line.twins.overall import predicted
 from evidence.experiment import SeriesCommand
+from evidence.line.best import best_rate, work_times
 from evidence.report import Report, page, table
 
-CAUSES: Final = ("K1*=0.1", "K2*=0.1", "K3*=0.1", "lock2", "cut1", "freeze3")
-"""Causes that stop an arm, in the notation of faults without their times."""
+Causes = Literal["stopping", "slowing"]
+CAUSES: Final[dict[Causes, tuple[str, ...]]] = {
+    "stopping": ("K1*=0.1", "K2*=0.1", "K3*=0.1", "lock2", "cut1", "freeze3"),
+    "slowing": (
+        "K1*=0.75",
+        "K2*=0.75",
+        "K3*=0.75",
+        "K1*=0.6",
+        "K3*=0.5",
+        "D1*=3",
+        "D2*=3",
+        "D3*=3",
+        "D1*=5",
+        "D2*=5",
+    ),
+}
+"""Causes that stop an arm, and ones with which it may work on, in the notation of faults without their times."""
 EARLIEST: Final = 80.0
 """Time before which no arm fails, s: the line has filled by then."""
 SPAN: Final = 60.0
@@ -55,6 +68,7 @@ class LineTrial:
         fault: what happens to it.
         begins: when it does, s.
         duration: plant time, s.
+        every: time from one box that comes to the next, s; 0 for that of the line.
         twins: whether the twins act.
     """
 
@@ -64,6 +78,7 @@ class LineTrial:
     fault: str
     begins: float
     duration: float
+    every: float
     twins: bool
 
 
@@ -76,8 +91,10 @@ class LineOutcome:
         rate: boxes an hour that left after SETTLING; from EARLIEST on without a fault.
         best: boxes an hour of the best assignment that the line could have had, by simulation of all; 0 without a
             fault.
-        predicted: boxes an hour that its twins predict of the assignment that it has at the end.
-        noticed: time from the fault to the set-up that answers it, s; None if there was none.
+        predicted: boxes an hour that its twins predict of the assignment that it has at the end, from what they knew
+            of the arms when throughput began to count.
+        noticed: time from the fault to the set-up or the settings that answer it, s; None if there were none.
+        answer: what the twins did first, and what of it the arm can do, in a few words.
         moves: time from the fault to the first motion that the arm is commanded, s, before which nobody can see it
             if the arm only stands; None if there was none.
         lost, collisions: boxes that were lost, and touches of vehicles.
@@ -89,6 +106,7 @@ class LineOutcome:
     best: float
     predicted: float
     noticed: float | None
+    answer: str
     moves: float | None
     lost: int
     collisions: int
@@ -104,7 +122,9 @@ def _since(trial: LineTrial) -> float:
     return trial.begins + SETTLING if trial.station else EARLIEST
 
 
-def trials(line: str, faults: int, healthy: int, duration: float, seed: int, without: bool) -> list[LineTrial]:
+def trials(
+    line: str, faults: int, healthy: int, duration: float, seed: int, without: bool, causes: Causes, every: float
+) -> list[LineTrial]:
     """Drawn trials: some without a fault, and each fault with acting twins, and without twins if that is asked for.
 
     Args:
@@ -114,34 +134,43 @@ def trials(line: str, faults: int, healthy: int, duration: float, seed: int, wit
         duration: plant time of every run, s.
         seed: number of the random generator of the faults; boxes of each run have the next ones.
         without: whether every fault is also tried without twins.
+        causes: what happens to arms.
+        every: time from one box that comes to the next, s; 0 for that of the line.
     """
     generator = np.random.default_rng(seed)
     stations = [station.name for station in line_of(line).stations]
-    drawn = [LineTrial(line, seed + k, "", "", 0.0, duration, True) for k in range(healthy)]
+    drawn = [LineTrial(line, seed + k, "", "", 0.0, duration, every, True) for k in range(healthy)]
     for k in range(faults):
-        station, cause = str(generator.choice(stations)), str(generator.choice(CAUSES))
+        station, cause = str(generator.choice(stations)), str(generator.choice(CAUSES[causes]))
         begins = round(EARLIEST + SPAN * float(generator.random()), 2)
         for twins in (True, False) if without else (True,):
-            drawn.append(LineTrial(line, seed + k, station, cause, begins, duration, twins))
+            drawn.append(LineTrial(line, seed + k, station, cause, begins, duration, every, twins))
     return drawn
 
 
 def tried(trial: LineTrial) -> LineOutcome:
     """Carries a trial out. Raises DtwinError: a box has vanished, or the line cannot be."""
-    line = replace(line_of(trial.line), seed=trial.seed)
+    line = line_tried(trial)
     fault = ((trial.station, f"{trial.fault}@{trial.begins}"),) if trial.station else ()
     run = LineRun(line, LineSettings(trial.duration, "act" if trial.twins else "off", fault))
-    run.run()
-    since = _since(trial)
+    since, known = _since(trial), work_times(line)
     horizon = trial.duration - since
-    answers = [d.time - trial.begins for d in run.course.decisions if d.what == "set-up" and trial.station]
+
+    def look() -> None:
+        if run.time <= since:
+            known.update(run.times())
+
+    run.run(look=look)
+    answers = [d for d in run.course.decisions if d.what in ("settings", "set-up") and trial.station]
     left = [time for _, time in run.plant.left]
+    able = trial.fault if trial.fault in CAUSES["slowing"] else ""
     return LineOutcome(
         trial,
         run.rate(since),
-        best_rate(line, trial.station, horizon) if trial.station else 0.0,
-        predicted(line, work_times(line), run.work.assignment, horizon),
-        answers[0] if answers else None,
+        best_rate(line, trial.station, horizon, able) if trial.station else 0.0,
+        predicted(line, known, run.work.assignment, horizon),
+        answers[0].time - trial.begins if answers else None,
+        f"{answers[0].what}, {answers[0].why.partition(':')[0]}" if answers else "",
         _moves(run, trial) if trial.station else None,
         run.plant.lost,
         run.plant.collisions,
@@ -149,37 +178,17 @@ def tried(trial: LineTrial) -> LineOutcome:
     )
 
 
+def line_tried(trial: LineTrial) -> Line:
+    """The line of a trial."""
+    line = replace(line_of(trial.line), seed=trial.seed)
+    return replace(line, source=replace(line.source, every=trial.every)) if trial.every else line
+
+
 def _moves(run: LineRun, trial: LineTrial) -> float | None:
     """Time from a fault to the first change of the path of its arm, s."""
     times, target = run.emulated[trial.station].desired()
     moving = (np.abs(np.diff(target, axis=0)).max(axis=1) > STILL) & (times[1:] >= trial.begins)
     return float(times[1:][moving][0] - trial.begins) if moving.any() else None
-
-
-def best_rate(line: Line, without: str, horizon: float) -> float:
-    """Boxes an hour of the best of all assignments that leave a station out ("" for none), each simulated."""
-    times = work_times(line)
-    return max((predicted(line, times, each, horizon) for each in possible(line, without)), default=0.0)
-
-
-def work_times(line: Line) -> Mapping[str, WorkTimes]:
-    """How long the arms of a line take, by the names of their stations."""
-    return {station.name: rehearsed(station) for station in line.stations}
-
-
-def possible(line: Line, without: str) -> list[Assignment]:
-    """All assignments that leave a station out."""
-    names = [operation.name for operation in line.operations]
-    able = [[station for station in line.able(name) if station != without] for name in names]
-    found: list[Assignment] = []
-    for stations in itertools.product(*able):
-        assignment = dict(zip(names, stations, strict=True))
-        try:
-            line.check_assignment(assignment)
-        except DtwinError:
-            continue
-        found.append(assignment)
-    return found
 
 
 def line_faults(
@@ -226,7 +235,8 @@ def faults_report(outcomes: Sequence[LineOutcome]) -> Report:
         "fault",
         "twins",
         "moves after s",
-        "set up after s",
+        "answered after s",
+        "by",
         "boxes/h",
         "best boxes/h",
         "share",
@@ -244,6 +254,7 @@ def faults_report(outcomes: Sequence[LineOutcome]) -> Report:
                 "act" if trial.twins else "off",
                 "-" if outcome.moves is None else f"{outcome.moves:.1f}",
                 "-" if outcome.noticed is None else f"{outcome.noticed:.1f}",
+                outcome.answer or "-",
                 f"{outcome.rate:.1f}",
                 f"{outcome.best:.1f}" if outcome.best else "-",
                 f"{100 * outcome.rate / outcome.best:.1f} %" if outcome.best else "-",
@@ -255,7 +266,8 @@ def faults_report(outcomes: Sequence[LineOutcome]) -> Report:
     failed = sum(bool(outcome.trial.station and outcome.trial.twins) for outcome in outcomes)
     words = (
         f"Throughput counts from {SETTLING:g} s after a fault on, from {EARLIEST:g} s on without one. The best is the"
-        " largest of all ways to share the operations out among the stations that are left, each simulated;"
+        " largest of all ways to share the operations out among the stations that are left, and, where the arm can go"
+        " on, with it at the shortest target time that it can have, each simulated;"
         " predicted is what the twins expect of the assignment that the line has."
         f" {soon(outcomes, True)} of {failed} faults were answered within {SOON:g} s of the first motion after them,"
         f" {soon(outcomes, False)} within {SOON:g} s of the fault itself: while the arm stands, most cannot be seen."
@@ -285,6 +297,10 @@ class ExperimentLine(SeriesCommand[list[LineOutcome]]):
     """Number of runs without one."""
     duration: float = 600.0
     """Plant time of each run, s."""
+    causes: Causes = "stopping"
+    """What happens to arms: stopping, after which they can do nothing, or slowing, after which they may work on."""
+    every: float = 0.0
+    """Time from one box that comes to the next, s; 0 for that of the line."""
     without: bool = False
     """Try every fault without twins, too."""
 
@@ -293,7 +309,13 @@ class ExperimentLine(SeriesCommand[list[LineOutcome]]):
         at_least("--healthy", self.healthy, 0)
         if not self.duration >= _SHORTEST:
             raise ParameterError(f"--duration: expected {_SHORTEST:g} s at least, got {self.duration:g}")
-        drawn = trials(self.line, self.faults, self.healthy, self.duration, self.seed, self.without)
+        if self.causes not in get_args(Causes):
+            raise ParameterError(f"--causes: expected {choices(get_args(Causes))}, got {self.causes}")
+        at_least("--every", self.every, 0.0)
+        drawn = trials(
+            *(self.line, self.faults, self.healthy, self.duration, self.seed, self.without),
+            *(self.causes, self.every),
+        )
         return line_faults(drawn, self.workforce(), progress)
 
     def report(self, result: list[LineOutcome]) -> Report:

@@ -27,7 +27,7 @@ from dtwin.line.line import CYCLE, Line
 from dtwin.line.plant import Plant, check_boxes
 from dtwin.line.station import TimedStation
 from dtwin.line.system import system
-from dtwin.line.twins.node import rehearsed
+from dtwin.line.twins.rehearsal import rehearsed
 from dtwin.services.service import held_port
 from evidence.experiment import ExperimentCommand
 from evidence.report import Report, page, table

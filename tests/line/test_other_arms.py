@@ -29,8 +29,8 @@ from dtwin.line.records.kept import prepare, write
 from dtwin.line.run import LineRun, LineSettings
 from dtwin.line.station import FREE, HOLDING
 from dtwin.line.twins.chain import ChainNodeTwin
-from dtwin.line.twins.node import rehearsed
 from dtwin.line.twins.nodes import node_of
+from dtwin.line.twins.rehearsal import rehearsed
 from dtwin.monitoring.chain.finding import ChainFinding
 from dtwin.parameters import ROOT
 from tests.support.ports import free_port

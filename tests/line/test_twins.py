@@ -8,8 +8,9 @@ import pytest
 from dtwin.line.file import line_of
 from dtwin.line.line import Line
 from dtwin.line.run import LineRun, LineSettings
-from dtwin.line.twins.node import NodeTwin, rehearsed
+from dtwin.line.twins.node import NodeTwin
 from dtwin.line.twins.overall import OverallTwin, predicted
+from dtwin.line.twins.rehearsal import rehearsed
 from dtwin.line.twins.zone import Flow, ZoneTwin
 from dtwin.monitoring.kinds import parse_fault_id
 from dtwin.monitoring.verdict import Finding, finding

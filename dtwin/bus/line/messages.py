@@ -29,7 +29,8 @@ class StationSeen(msgspec.Struct, frozen=True):
         name: its name.
         zone: zone that it is in.
         doing: waits, works, stopped, or blocked: its box is not fetched.
-        ability: what its arm can still do, as its twin says: all, some places, lighter boxes or nothing.
+        ability: what its arm can still do, as its twin says: all, slower, some places, lighter boxes or
+            nothing.
         why: why, in words.
         able: operations that it was built for.
         box: number of the box that waits there, is worked at or is finished, 0 for none.
@@ -114,7 +115,7 @@ class LineDecision(msgspec.Struct, frozen=True):
     Attributes:
         time: plant time, s.
         who: twin, monitor, or the name of a person or an AI.
-        what: finding, stop, set-up, proposal, none possible, repair, release, no answer or answers again.
+        what: finding, stop, settings, set-up, proposal, none possible, repair, release, no answer or answers again.
         why: in words.
         station: station that it is about, "" for the line.
         rate: boxes an hour that are expected then, 0 if nothing is.

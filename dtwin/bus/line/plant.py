@@ -11,9 +11,22 @@ import msgspec
 
 from dtwin.bus.line.messages import TOLD, LineDecision, SetUps, VehicleSeen, ZoneSeen
 from dtwin.names import Name
+from dtwin.parameters import ArmParameters
 from dtwin.signals import SCHEMA, Count, Line, Seconds, Word
 
 Operations = Annotated[tuple[Name, ...], msgspec.Meta(max_length=8)]
+
+
+class ArmSettings(msgspec.Struct, frozen=True):
+    """Settings of the blocks of a station's arm that take the place of those of its cell.
+
+    Attributes:
+        target_time: duration of every motion, s.
+        model: arm model of the controller.
+    """
+
+    target_time: float
+    model: ArmParameters
 
 
 class StationReading(msgspec.Struct, frozen=True):
@@ -27,6 +40,7 @@ class StationReading(msgspec.Struct, frozen=True):
         blocked: whether its finished box is not fetched.
         waiting, worked, finished: numbers of the boxes in its slots, 0 for none.
         availability, performance, quality: of the last ten minutes, as the table `oee` reckons them (ISO 22400-2).
+        settings: what its blocks have in the place of the settings of its cell; None for nothing.
     """
 
     name: Word
@@ -40,6 +54,7 @@ class StationReading(msgspec.Struct, frozen=True):
     availability: float = 1.0
     performance: float = 0.0
     quality: float = 1.0
+    settings: ArmSettings | None = None
 
 
 class PlantState(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
@@ -89,17 +104,20 @@ class PlantSetUp(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
 
 
 class PlantWord(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
-    """Has the blocks of a station stop its arm, or let it move again.
+    """Has the blocks of a station stop its arm, work with other settings, or let the arm move again.
 
     Attributes:
         station: its name.
-        word: what is so: the arm has failed, its angles are unknown, or it is released.
+        word: what is so: the arm has failed, its angles are unknown, it has other settings, or it is released, which
+            gives it the settings of its cell back.
         why: reason, with who gives it.
+        settings: the other settings.
     """
 
     station: Name
-    word: Literal["failed", "angles unknown", "release"]
+    word: Literal["failed", "angles unknown", "settings", "release"]
     why: Line
+    settings: ArmSettings | None = None
 
 
 class StationAbility(msgspec.Struct, frozen=True):
@@ -107,13 +125,13 @@ class StationAbility(msgspec.Struct, frozen=True):
 
     Attributes:
         name: its name.
-        ability: all, some places, lighter boxes or nothing.
+        ability: all, slower, some places, lighter boxes or nothing.
         places: places of its cell to which it can bring the heaviest box.
         why: why, in words.
     """
 
     name: Word
-    ability: Literal["all", "some places", "lighter boxes", "nothing"]
+    ability: Literal["all", "slower", "some places", "lighter boxes", "nothing"]
     places: tuple[Word, ...]
     why: Line
 

@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 
 from dtwin.arm.chain import Array
+from dtwin.bus.line.plant import ArmSettings
 from dtwin.controller.chain.application import inputs
 from dtwin.controller.chain.embedded import ChainController
 from dtwin.emulation.boxes import REACH
@@ -34,6 +35,7 @@ class ChainStation:
     Attributes:
         log: what it has done, the same to the bit as that of the arm alone with the same `inputs`.
         inputs: everything that was done to it.
+        settings: None, since its blocks keep the settings of its cell.
 
     Raises:
         DtwinError: its blocks cannot be used.
@@ -54,6 +56,7 @@ class ChainStation:
         self._ticks = 0
         self.log = ArmRows(settings)
         self.inputs: list[Input] = []
+        self.settings: ArmSettings | None = None
 
     def fault_end(self, text: str) -> float | None:
         """When a fault is over, s; None if it lasts. Raises FaultError."""
@@ -79,6 +82,8 @@ class ChainStation:
             self._boxes.take()
         elif given.kind == "fault":
             self._plant.inject([parse_chain_fault(given.text, len(self._settings.arm))])
+        elif given.kind == "settings":
+            raise ParameterError("settings: expected an arm of the usual kind, whose blocks can be set otherwise")
         else:
             self._controller.judge(_WORDS[given.kind], 1.0, given.kind == "release")
         self.inputs.append(given)

@@ -137,6 +137,8 @@ class DistantZone:
         return self._bus.ask(ZONE_FLOW, question, FlowAnswer, _ANSWER)
 
     def _hold(self, state: ZoneState) -> None:
+        if self.state is not None and self.state.stations != state.stations:
+            self._rates.clear()  # what an arm can do has changed, and so may what the zone lets through
         self.state, self._heard = state, self._clock()
 
 
@@ -231,7 +233,7 @@ class LiveOverall:
         for station in zone.stations:
             able, before = zone.capability(station), self._able.get(station)
             self._able[station] = able
-            if able.ability == "all" if before is None else able.places == before.places:
+            if able.ability == "all" if before is None else _same(able, before):
                 continue
             if able.ability == "all":
                 self.work.reconsider(f"{station} is repaired", station, self._line.assignment)
@@ -327,6 +329,12 @@ class LiveOverall:
 def _name_of(decision: Decision | LineDecision) -> tuple[float, str, str, str]:
     """By what a decision is known again."""
     return decision.time, decision.who, decision.what, decision.station
+
+
+def _same(able: Capability, before: Capability) -> bool:
+    """Whether an arm can do the same as before; one that works more slowly may do so at another speed."""
+    slow = "slower" in (able.ability, before.ability)
+    return able.places == before.places and (not slow or (able.ability, able.why) == (before.ability, before.why))
 
 
 def _key(assignment: Assignment) -> tuple[tuple[str, str], ...]:

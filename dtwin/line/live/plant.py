@@ -22,6 +22,7 @@ from dtwin.line.live.between import Between
 from dtwin.line.live.chain import ChainArmPublisher
 from dtwin.line.live.pace import Pace
 from dtwin.line.live.seen import RECENT, plant_state
+from dtwin.line.station import settings_text
 from dtwin.line.stations import Emulated
 from dtwin.line.twins.decisions import REPAIRED
 
@@ -153,9 +154,16 @@ class LivePlant:
     def _word(self, asked: PlantWord) -> PlantState:
         self._check(asked.station)
         if asked.word == "release":
-            if not (self._floor.plant.stations[asked.station].report.stop or asked.station in self._why):
-                raise ParameterError(f"station {asked.station}: expected one whose arm is stopped")
+            stopped = self._floor.plant.stations[asked.station].report.stop or asked.station in self._why
+            if not stopped and self._floor.emulated[asked.station].settings is None:
+                raise ParameterError(
+                    f"station {asked.station}: expected one whose arm is stopped, or works with other settings"
+                )
             self._release(asked.station, asked.why)
+        elif asked.word == "settings":
+            if asked.settings is None:
+                raise ParameterError("settings: expected a target time and a model")
+            self._floor.emulated[asked.station].give("settings", text=settings_text(asked.settings))
         else:
             self._floor.emulated[asked.station].give(asked.word)
             self._why[asked.station] = asked.why

@@ -204,6 +204,7 @@ def _readings(
             *(state.waits, state.worked, state.finished),
             *shares[number],
             _quality(name, recent),
+            floor.emulated[name].settings,
         )
 
 

@@ -12,12 +12,14 @@ from typing import Any, Final
 
 from dtwin.bus.line.messages import TOLD
 from dtwin.bus.line.plant import (
+    ArmSettings,
     FlowAnswer,
     FlowQuestion,
     PlantSetUp,
     PlantState,
     PlantWord,
     StationAbility,
+    StationReading,
     ZoneState,
 )
 from dtwin.bus.line.topics import PLANT_SET_UP, PLANT_STATE, PLANT_WORD, ZONE_FLOW, ZONE_STATE
@@ -29,7 +31,7 @@ from dtwin.line.live.arms import ArmFollower
 from dtwin.line.live.chain import ChainArmFollower
 from dtwin.line.live.seen import told
 from dtwin.line.twins.decisions import OPERATOR, REPAIRED, Decision, Mode
-from dtwin.line.twins.guard import Guard, StopState
+from dtwin.line.twins.guard import Guard, Hands, StopState
 from dtwin.line.twins.node import BEFORE
 from dtwin.line.twins.nodes import node_of
 from dtwin.line.twins.zone import ZoneTwin
@@ -65,14 +67,14 @@ class LiveZone:
     """
 
     def __init__(self, line: Line, number: int, mode: Mode, bus: Bus, put: Callable[[Any], None]) -> None:
-        self._mode, self._bus = mode, bus
+        self._line, self._mode, self._bus = line, mode, bus
         zone = line.zones[number]
         nodes = {s.name: node_of(line, s) for s in zone.stations}
         self._twin = ZoneTwin(line, number, nodes)
-        self._guard = Guard(nodes, self._stop, self._note)
+        self._guard = Guard(nodes, mode, Hands(self._stop, self._settle, self._needed, self._note))
         self._decisions: deque[Decision] = deque(maxlen=TOLD)
         self._plant: PlantState | None = None
-        self._seen_stopped: set[str] = set()
+        self._seen_changed: set[str] = set()
         self._demanded: dict[str, PlantWord] = {}
         self._looked = 0.0
         self._alone = True
@@ -114,25 +116,28 @@ class LiveZone:
         if self._mode != "off":
             for reading in plant.stations:
                 if reading.name in self._arms:
-                    self._watch(reading.name, reading.arm, reading.stop, reading.why)
+                    self._watch(reading)
         for arm in self._arms.values():
             arm.forget(2 * BEFORE * PERIOD)
         self.tell()
 
-    def _watch(self, name: str, arm: int, stop: int, why: str) -> None:
+    def _watch(self, reading: StationReading) -> None:
         """Looks at what an arm has done, and what follows from it."""
+        name, stop, settings = reading.name, reading.stop, reading.settings
         time, reasons = self.time, []
-        if stop:
-            self._seen_stopped.add(name)
-            self._demanded.pop(name, None)
-        elif name in self._demanded:
-            self._demand(self._demanded[name])
-        elif name in self._seen_stopped:  # one that is to be stopped has not been seen stopped yet
-            self._seen_stopped.remove(name)
+        if stop or settings is not None:
+            self._seen_changed.add(name)
+        asked = self._demanded.get(name)
+        if asked is not None and (stop or (asked.word == "settings" and asked.settings == settings)):
+            del self._demanded[name]
+        elif asked is not None:
+            self._demand(asked)
+        elif name in self._seen_changed and not stop and settings is None:
+            self._seen_changed.remove(name)
             reasons.append(self._guard.repaired(name, time, OPERATOR, REPAIRED))
-        if stop and why:
-            reasons += self._guard.known(name, why)
-        reasons += self._guard.look(name, self._arms[name].log, arm, stop, time)
+        if stop and reading.why:
+            reasons += self._guard.known(name, reading.why)
+        reasons += self._guard.look(name, self._arms[name].log, reading.arm, stop, time, settings)
         for because in reasons:
             self.tell()
             if self._alone and self._mode == "act":
@@ -167,11 +172,21 @@ class LiveZone:
         self._demanded[station] = PlantWord(station, state, why[:1000])
         self._demand(self._demanded[station])
 
+    def _settle(self, station: str, settings: ArmSettings, why: str) -> None:
+        """Has an arm work with other settings; that is said again likewise."""
+        self._demanded[station] = PlantWord(station, "settings", why[:1000], settings)
+        self._demand(self._demanded[station])
+
+    def _needed(self, station: str) -> frozenset[str]:
+        """The places to which a station brings boxes now."""
+        in_force = self._line.assignment if self._plant is None else self._plant.set_up
+        return self._line.places(in_force, station)
+
     def _demand(self, word: PlantWord) -> None:
         try:
             self._bus.ask(PLANT_WORD, word, PlantState)
         except CommunicationError as error:
-            log.error("%s is not stopped: %s", word.station, error)
+            log.error("%s: %s is not heard: %s", word.station, word.word, error)
 
     def _flow(self, asked: FlowQuestion) -> FlowAnswer:
         """Answers on a thread of its own: a simulation takes seconds, in which the arms are watched."""

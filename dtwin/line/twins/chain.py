@@ -9,12 +9,14 @@ import numpy as np
 
 from dtwin.arm.adjustment import Adjustment
 from dtwin.arm.chain import Arm, holding
+from dtwin.bus.line.plant import ArmSettings
 from dtwin.equations.rigid import inverse_dynamics
 from dtwin.line.chain.cell import believed_chain_settings
 from dtwin.line.chain.rows import ArmRows
 from dtwin.line.line import StationPlan
 from dtwin.line.station import FREE, WorkTimes
-from dtwin.line.twins.node import Ability, Capability, rehearsed
+from dtwin.line.twins.node import Ability, Capability
+from dtwin.line.twins.rehearsal import rehearsed
 from dtwin.line.twins.work import MeasuredWork
 from dtwin.monitoring.chain.finding import ChainFinding
 from dtwin.monitoring.chain.monitor import ArmMonitor
@@ -66,6 +68,11 @@ class ChainNodeTwin:
         """How long its work takes: as its last boxes took, before that as a rehearsal with the data sheet's arm."""
         return self._work.times(rehearsed(self.plan))
 
+    @property
+    def doubt(self) -> str:
+        """ "", since its blocks keep the settings of its cell."""
+        return ""
+
     def repaired(self) -> None:
         """The arm is as it was made to be; it is learned anew from its next work on."""
         self.capability, self._known, self._monitor = self._able(), False, None
@@ -75,13 +82,16 @@ class ChainNodeTwin:
         """The arm was stopped, and nobody knows yet what it can do."""
         self.capability = Capability("nothing", (), why)
 
-    def watch(self, log: ArmRows, arm: int, stopped: bool = False) -> list[ChainFound]:
+    def watch(
+        self, log: ArmRows, arm: int, stopped: bool = False, settings: ArmSettings | None = None
+    ) -> list[ChainFound]:
         """Looks at what the log has since the last call; returns what was found out.
 
         Args:
             log: log of the station.
             arm: what the arm does: FREE, OFFERED or HOLDING.
             stopped: whether it is stopped: what it does then tells nothing of it.
+            settings: None, since its blocks keep the settings of its cell.
         """
         first, self._seen = self._seen, len(log)
         if self._seen < first:  # the arm has begun anew

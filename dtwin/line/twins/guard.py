@@ -1,17 +1,38 @@
-"""The watch of a zone: its node twins look at what the arms do, and an arm that can no longer do all is stopped."""
+"""The watch of a zone: its node twins look at what the arms do; an arm that can do less works otherwise, or stops."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
 from typing import Any, Literal
 
-from dtwin.line.twins.decisions import Decision, Note
+from dtwin.bus.line.plant import ArmSettings
+from dtwin.line.twins.decisions import Decision, Mode, Note
 from dtwin.line.twins.node import Capability, Node
 
 StopState = Literal["failed", "angles unknown"]
 """What the blocks of a station are told of an arm that is to be stopped."""
 StopArm = Callable[[str, StopState, str], None]
 """Has the blocks of a station stop its arm: called with the station, the state of the arm, and why."""
+SetArm = Callable[[str, ArmSettings, str], None]
+"""Has the blocks of a station work with other settings: called with the station, the settings, and why."""
+
+
+@dataclass(frozen=True, slots=True)
+class Hands:
+    """What a watch has done by others.
+
+    Attributes:
+        stop: has the blocks of a station stop its arm.
+        settle: has the blocks of a station work with other settings.
+        needed: tells to which places of its cell a station brings boxes now.
+        note: keeps what is decided.
+    """
+
+    stop: StopArm
+    settle: SetArm
+    needed: Callable[[str], Collection[str]]
+    note: Note
 
 
 class Guard:
@@ -19,16 +40,17 @@ class Guard:
 
     Args:
         nodes: the twins of the stations, by their names.
-        stop: has the blocks of a station stop its arm.
-        note: keeps what is decided.
+        mode: what the twins may do.
+        hands: what it has done by others.
 
     Attributes:
         stopped: names of the stations whose arms are stopped, or are to be in the next cycle.
     """
 
-    def __init__(self, nodes: Mapping[str, Node], stop: StopArm, note: Note) -> None:
-        self._nodes, self._stop, self._note = nodes, stop, note
+    def __init__(self, nodes: Mapping[str, Node], mode: Mode, hands: Hands) -> None:
+        self._nodes, self._mode, self._hands, self._note = nodes, mode, hands, hands.note
         self.stopped: set[str] = set()
+        self._proposed: set[str] = set()
 
     def capability(self, station: str) -> Capability:
         """What the arm of a station can still do, as its twin says."""
@@ -42,7 +64,9 @@ class Guard:
         self._nodes[station].stopped(why)
         return [f"{station} can do nothing"]
 
-    def look(self, station: str, log: Any, arm: int, stop: int, time: float) -> list[str]:
+    def look(
+        self, station: str, log: Any, arm: int, stop: int, time: float, settings: ArmSettings | None = None
+    ) -> list[str]:
         """Looks at what an arm has done since the last look.
 
         Args:
@@ -51,22 +75,25 @@ class Guard:
             arm: what the arm does: FREE, OFFERED or HOLDING.
             stop: number of the stop in force, 0 for none.
             time: plant time, s.
+            settings: what its blocks have in the place of the settings of its cell; None for nothing.
 
         Returns:
             Reasons to share the work out otherwise, in words.
         """
         node, reasons = self._nodes[station], []
-        for finding in node.watch(log, arm, stop != 0):
+        for finding in node.watch(log, arm, stop != 0, settings):
             self._note(Decision(time, f"monitor of {station}", "finding", finding.text(), station))
             able = node.capability
+            if not stop and station not in self.stopped and set(self._hands.needed(station)) <= set(able.places):
+                reasons += self._settle(station, able, time)
+                continue
             if able.ability == "all":
                 continue
-            if station not in self.stopped:
-                why = f"{able.ability}: {able.why}"
-                self._stop(station, node.state_of(finding), why)
-                self.stopped.add(station)
-                self._note(Decision(time, f"twin of {station}", "stop", why, station))
-            reasons.append(f"{station} can do {able.ability}")
+            reasons.append(f"{station} can do nothing")
+            self._stop(station, node.state_of(finding), f"{able.ability}: {able.why}", time)
+        if node.doubt and station not in self.stopped:
+            reasons.append(f"{station} can do nothing")
+            self._stop(station, "failed", node.doubt, time)
         if stop and station not in self.stopped:
             self.stopped.add(station)
             node.stopped("the blocks have stopped the arm; what is wrong is not known yet")
@@ -74,11 +101,31 @@ class Guard:
             reasons.append(f"{station} can do nothing")
         return reasons
 
+    def _settle(self, station: str, able: Capability, time: float) -> list[str]:
+        """Has an arm go on with other settings, if it needs any; the reasons to share the work out otherwise."""
+        if able.settings is None or (self._mode == "propose" and station in self._proposed):
+            return []
+        self._proposed.add(station)
+        why = f"{able.ability}: {able.why}"
+        if self._mode == "act":
+            self._hands.settle(station, able.settings, why)
+        what = "settings" if self._mode == "act" else "proposal"
+        self._note(Decision(time, f"twin of {station}", what, why, station))
+        return [] if able.ability == "all" else [f"{station} can do {able.ability}"]
+
+    def _stop(self, station: str, state: StopState, why: str, time: float) -> None:
+        """Has an arm stopped, which does nothing from then on, whatever it could."""
+        if station not in self.stopped:
+            self._hands.stop(station, state, why)
+            self.stopped.add(station)
+            self._note(Decision(time, f"twin of {station}", "stop", why, station))
+        self._nodes[station].stopped(why)
+
     def by_hand(self, station: str, who: str, why: str, time: float) -> str:
         """Stops an arm because somebody says so; the reason to share the work out otherwise."""
         self._note(Decision(time, who, "stop", why, station))
         if station not in self.stopped:
-            self._stop(station, "failed", f"it was stopped by {who}: {why}")
+            self._hands.stop(station, "failed", f"it was stopped by {who}: {why}")
             self.stopped.add(station)
             self._nodes[station].stopped(f"it was stopped by {who}: {why}")
         return f"{station} was stopped by {who}"
@@ -87,5 +134,6 @@ class Guard:
         """Believes that an arm which was released is as it was made; the reason to give it its work back."""
         self._nodes[station].repaired()
         self.stopped.discard(station)
+        self._proposed.discard(station)
         self._note(Decision(time, who, "repair", why, station))
         return f"{station} is repaired"

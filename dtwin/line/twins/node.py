@@ -3,31 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import lru_cache
+from dataclasses import dataclass
 from typing import Any, Final, Literal, Protocol
 
 import numpy as np
 
-from dtwin.errors import ParameterError
+from dtwin.bus.line.plant import ArmSettings
 from dtwin.line.line import StationPlan
 from dtwin.line.station import FREE, WorkTimes, believed_settings
-from dtwin.line.stations import rehearsal
+from dtwin.line.twins.rehearsal import AWAY, longest, rehearsed, rehearsed_anew
 from dtwin.logs.collecting import RunLog
 from dtwin.monitoring.estimation.belief import NOISE_FLOOR, assumed
-from dtwin.monitoring.kinds import arm_state
+from dtwin.monitoring.kinds import RELATIVE, SUPPLY, arm_state
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import stream
 from dtwin.monitoring.verdict import Finding
-from dtwin.parameters import PARAMETER_NAMES
+from dtwin.parameters import PARAMETER_NAMES, ArmParameters, scaled
 from dtwin.recovery.answers import answer_to
 from dtwin.recovery.strength import Strength
-from dtwin.signals import EventKind
 
-Ability = Literal["all", "some places", "lighter boxes", "nothing"]
+Ability = Literal["all", "slower", "some places", "lighter boxes", "nothing"]
 """What an arm can still do."""
-AWAY: Final = 0.05
-"""Distance of a joint from its path from which on the monitor is asked, rad."""
 LATE: Final = 3000
 """Ticks after which an arm that has not finished a box is late."""
 BEFORE: Final = 12_000
@@ -36,10 +32,12 @@ AFTER: Final = 1000
 """Ticks for which it goes on after the last suspicion."""
 SETTLED: Final = 800
 """Ticks that an arm takes to come to its path at the start, or after it was released."""
-_PATIENCE: Final = 3000
-"""Longest wait of a rehearsal for a box, ticks."""
-_START: Final = 500
-"""Ticks in which an arm comes from where it hangs to where boxes wait."""
+TRIAL: Final = 3000
+"""Ticks after SETTLED for which settings that were changed are on trial."""
+SLOWER: Final = 1.05
+"""Share of its usual time for a box from which on an arm works slower."""
+LEAST: Final = 1e-6
+"""Least value of a parameter that was found to be less, SI units."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,11 +48,15 @@ class Capability:
         ability: in one word.
         places: the places of its cell to which it can bring the heaviest box of the line.
         why: in words.
+        settings: settings of its blocks with which it can do that; None for those in force.
+        times: how long its work takes with them; None for as long as usual.
     """
 
     ability: Ability
     places: tuple[str, ...]
     why: str
+    settings: ArmSettings | None = None
+    times: WorkTimes | None = None
 
 
 class Found(Protocol):
@@ -72,7 +74,11 @@ class Node(Protocol):
 
     @property
     def times(self) -> WorkTimes:
-        """How long its work takes as long as nothing is wrong."""
+        """How long its work takes."""
+
+    @property
+    def doubt(self) -> str:
+        """Why settings that are on trial make the arm worse, "" if they do not."""
 
     def repaired(self) -> None:
         """The arm is as it was made to be."""
@@ -80,7 +86,9 @@ class Node(Protocol):
     def stopped(self, why: str) -> None:
         """The arm was stopped, and nobody knows yet what it can do."""
 
-    def watch(self, log: Any, arm: int, stopped: bool = False) -> Sequence[Found]:
+    def watch(
+        self, log: Any, arm: int, stopped: bool = False, settings: ArmSettings | None = None
+    ) -> Sequence[Found]:
         """Looks at what the log of its arm has since the last call; returns what was found out."""
 
     def state_of(self, finding: Any) -> Literal["failed", "angles unknown"]:
@@ -98,31 +106,59 @@ class NodeTwin:
     def __init__(self, plan: StationPlan, lightest: float, heaviest: float) -> None:
         self.plan = plan
         settings = believed_settings(plan)
-        self._arm, self._task = settings.arm, settings.task
-        noise = max(settings.noise, NOISE_FLOOR)
-        self._belief = assumed(self._arm, (noise, noise, noise))
+        self._healthy, self._task = settings.arm, settings.task
+        self._noise = max(settings.noise, NOISE_FLOOR)
+        self._believe(self._healthy)
         self._masses = lightest, heaviest
-        self._strength = Strength.of(self._arm, heaviest, self._task)
+        self._strength = Strength.of(self._healthy, heaviest, self._task)
         self.capability = self._able()
         self._monitor: Monitor | None = None
         self._from = self._seen = self._told = self._suspected_until = 0
         self._busy_since: int | None = None
         self._known = False
+        self._settings: ArmSettings | None = None
+        self._before = self._after = 0.0
+
+    def _believe(self, arm: ArmParameters) -> None:
+        """Takes the arm to be one with these parameters."""
+        self._arm, self._belief = arm, assumed(arm, (self._noise,) * 3)
 
     def _able(self) -> Capability:
         return Capability("all", self._task.colours, "nothing is wrong")
 
     @property
     def times(self) -> WorkTimes:
-        """How long its work takes as long as nothing is wrong."""
-        return rehearsed(self.plan)
+        """How long its work takes: as it was rehearsed with what was found of the arm, or with nothing wrong."""
+        return self.capability.times or rehearsed(self.plan)
+
+    @property
+    def doubt(self) -> str:
+        """Why settings that are on trial make the arm worse, "" if they do not."""
+        if self._settings is None or self._after <= max(AWAY, self._before):
+            return ""
+        return (
+            f"with the settings on trial it was {1e3 * self._after:.0f} mrad from its path,"
+            f" {1e3 * self._before:.0f} mrad before"
+        )
 
     def repaired(self) -> None:
         """The arm is as it was made to be; what it does is watched from here on."""
-        self.capability, self._known = self._able(), False
+        self.capability, self._known, self._settings = self._able(), False, None
+        self._believe(self._healthy)
+        self._before = self._after = 0.0
         self._monitor, self._from, self._suspected_until, self._busy_since = None, self._seen, 0, None
 
-    def watch(self, log: RunLog, arm: int, stopped: bool = False) -> list[Finding]:
+    def _adopt(self, settings: ArmSettings, rows: int) -> None:
+        """Takes note that the blocks have other settings from a tick on, whose model is the arm as it is known."""
+        self._settings, self._before, self._after = settings, max(self._before, self._after), 0.0
+        self._believe(settings.model)
+        self._monitor, self._from, self._suspected_until = None, rows, 0
+        if self.capability.settings != settings:
+            self.capability = self._rehearsed(settings.model, "other settings are in force")
+
+    def watch(
+        self, log: RunLog, arm: int, stopped: bool = False, settings: ArmSettings | None = None
+    ) -> list[Finding]:
         """Looks at what the log has since the last call; returns what was found out.
 
         The monitor is asked when the arm leaves its path, or does not finish a box for long: it takes in the samples
@@ -132,15 +168,19 @@ class NodeTwin:
             log: log of the station.
             arm: what the arm does: FREE, OFFERED or HOLDING.
             stopped: whether it is stopped: then it finishes no box, whatever is wrong.
+            settings: what its blocks have in the place of the settings of its cell; None for nothing.
         """
         rows, first = len(log), self._seen
         self._seen = rows
+        if settings is not None and settings != self._settings:
+            self._adopt(settings, first)
         if self._known or rows == first:
             return []
         new = log.since(first)
         self._busy_since = self._busy_since if arm != FREE and self._busy_since is not None else rows
         away = np.abs(new.stack("target") - new.stack("measured")).max()
         late = arm != FREE and not stopped and rows - self._busy_since > LATE
+        self._try(away, rows)
         if rows > self._from + SETTLED and (away > AWAY or late):
             self._suspected_until = rows + AFTER
         if rows > self._suspected_until:
@@ -158,6 +198,13 @@ class NodeTwin:
             self._known = self.capability.ability == "nothing"
         return found
 
+    def _try(self, away: float, rows: int) -> None:
+        """Takes note of how far the arm was from its path, before settings were changed and on their trial."""
+        if self._settings is None:
+            self._before = max(away, self._before) if rows > self._from + SETTLED else 0.0
+        elif self._from + SETTLED < rows <= self._from + SETTLED + TRIAL:
+            self._after = max(away, self._after)
+
     def stopped(self, why: str) -> None:
         """The arm was stopped, and nobody knows yet what it can do."""
         self.capability = Capability("nothing", (), why)
@@ -172,64 +219,44 @@ class NodeTwin:
         answer = answer_to(fault)
         if answer.measure == "go on":
             return self.capability
-        name = str(fault)
-        if answer.measure == "stop" or name not in PARAMETER_NAMES:
-            able = answer.measure != "stop"
-            return Capability(
-                "all" if able else "nothing", self._task.colours if able else (), f"{finding.text()}: {answer.why}"
-            )
-        changed = self._arm.with_values({name: max(self._arm.get(name) * (1.0 + finding.size), 1e-6)})
+        changed = self._changed(finding)
+        if answer.measure != "stop" and changed is not None:
+            return self._rehearsed(changed, finding.text())
+        able = answer.measure != "stop"
+        return Capability(
+            "all" if able else "nothing", self._task.colours if able else (), f"{finding.text()}: {answer.why}"
+        )
+
+    def _changed(self, finding: Finding) -> ArmParameters | None:
+        """The arm as a finding says that it is; None for a finding that is not about its parameters."""
+        name = str(finding.fault)
+        if finding.fault.kind == SUPPLY:
+            return scaled(self._arm, "K", max(1.0 + finding.size, LEAST))
+        if name not in PARAMETER_NAMES:
+            return None
+        value = self._arm.get(name)
+        change = finding.size * (value if finding.fault.about.unit == RELATIVE else 1.0)
+        return self._arm.with_values({name: max(value + change, LEAST)})
+
+    def _rehearsed(self, arm: ArmParameters, why: str) -> Capability:
+        """What an arm can do, as the weights at its places and a rehearsal with other settings say."""
         lightest, heaviest = self._masses
-        heavy, light = (set(self._strength.beyond(changed, mass)) for mass in (heaviest, lightest))
-        places = () if "pickup" in heavy else tuple(p for p in self._task.colours if p not in heavy)
-        ability: Ability = "some places" if places else "nothing"
-        if not heavy:
-            ability = "all"
-        elif not places and not light:
-            ability = "lighter boxes"
-        beyond = f"it cannot hold {heaviest:g} kg at {', '.join(sorted(heavy))}" if heavy else "it can hold every box"
-        return Capability(ability, places, f"{finding.text()}: {beyond}")
-
-
-def rehearsed(plan: StationPlan) -> WorkTimes:
-    """How long the arm of a station takes.
-
-    It is measured in a run of its cell with the arm that the controller believes in.
-
-    Raises:
-        DtwinError: the cell cannot be, or its arm brings no box to a place.
-    """
-    return _rehearsed(replace(plan, name="", node="", operations=(), machine=None, seed=0, faults=()))
-
-
-@lru_cache(maxsize=256)
-def _rehearsed(plan: StationPlan) -> WorkTimes:
-    """The same, once for all stations that are alike but for what the twin does not know or need."""
-    station, places, mass = rehearsal(plan)
-    now = 0
-
-    def brings(colour: str) -> tuple[float, float]:
-        """Times at which a box that is brought now is picked and delivered, s."""
-        nonlocal now
-        station.give("bring", mass, colour)
-        times: dict[str, float] = {}
-        for _ in range(_PATIENCE):
-            report = station.advance(1)
-            now += 1
-            times |= {event.kind: event.time for event in report.events}
-            if report.arm == FREE and EventKind.DELIVERED in times:
-                return times[EventKind.PICKED], times[EventKind.DELIVERED]
-        raise ParameterError(f"station {plan.cell_file or 'default'}: its arm brings no box to {colour}")
-
-    station.advance(_START)
-    now = _START
-    grip, carry, back = 0.0, {}, {}
-    for colour in places:
-        began = 0.01 * now
-        picked, delivered = brings(colour)
-        grip, carry[colour] = picked - began, delivered - picked
-        again, _ = brings(colour)
-        back[colour] = again - delivered - grip
-        station.advance(_START)
-        now += _START
-    return WorkTimes(grip, carry, back)
+        heavy, light = (set(self._strength.beyond(arm, mass)) for mass in (heaviest, lightest))
+        held = () if "pickup" in heavy else tuple(p for p in self._task.colours if p not in heavy)
+        found = rehearsed_anew(self.plan, arm, held, heaviest) if held else None
+        if found is None:
+            ability: Ability = "nothing" if held or light else "lighter boxes"
+            beyond = (
+                f"it cannot hold {heaviest:g} kg at {', '.join(sorted(heavy))}" if heavy else "it leaves its path"
+            )
+            return Capability(ability, (), f"{why}: {beyond}")
+        places = tuple(found.times.carry)
+        usual = longest(rehearsed(self.plan), places)
+        ability = "slower" if found.cycle > SLOWER * usual else "all"
+        if len(places) < len(self._task.colours):
+            ability = "some places"
+        words = (
+            f"with a model of that, and {found.settings.target_time:g} s for a motion, it takes {found.cycle:.1f} s"
+            f" for a box of {heaviest:g} kg instead of {usual:.1f} s, to {', '.join(places)}"
+        )
+        return Capability(ability, places, f"{why}: {words}", found.settings, found.times)
