@@ -32,6 +32,9 @@ GROUPS: Final[dict[str, dict[str, Subcommand]]] = {
         "line status": Subcommand("line.live", "LineStatus", "show how a running line does"),
         "line setup": Subcommand("line.live", "LineSetUp", "have other stations of a running line do operations"),
         "line fault": Subcommand("line.live", "LineFault", "let the arm of a station of a running line fail"),
+        "line settle": Subcommand(
+            "line.live", "LineSettle", "have an arm work with the settings that its twin proposes"
+        ),
         "line release": Subcommand("line.live", "LineRelease", "let a stopped arm of a running line move again"),
         "line query": Subcommand("line.run", "LineQuery", "answer a question in SQL about runs of lines"),
         "line report": Subcommand("line.run", "LineReport", "write the page of a run of a line"),

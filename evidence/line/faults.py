@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Final, Literal, get_args
+from typing import Any, ClassVar, Final, Literal
 
 import msgspec
 import numpy as np
 
 from dtwin.campaign.spread import EVERY_CORE, Progress, Workforce, spread
 from dtwin.commands.frame import at_least
-from dtwin.errors import ParameterError, choices
+from dtwin.errors import ParameterError
 from dtwin.line.file import DEFAULT_NAME, line_of
 from dtwin.line.line import Line
 from dtwin.line.run import LineRun, LineSettings
@@ -309,8 +309,6 @@ class ExperimentLine(SeriesCommand[list[LineOutcome]]):
         at_least("--healthy", self.healthy, 0)
         if not self.duration >= _SHORTEST:
             raise ParameterError(f"--duration: expected {_SHORTEST:g} s at least, got {self.duration:g}")
-        if self.causes not in get_args(Causes):
-            raise ParameterError(f"--causes: expected {choices(get_args(Causes))}, got {self.causes}")
         at_least("--every", self.every, 0.0)
         drawn = trials(
             *(self.line, self.faults, self.healthy, self.duration, self.seed, self.without),

@@ -120,6 +120,7 @@ READ: Final = {
     "line up": LIVE,
     "line status": LIVE,
     "line setup": LIVE,
+    "line settle": LIVE,
     "line release": LIVE,
     "line fault": LIVE,
     "experiment line": MINUTES,

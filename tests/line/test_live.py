@@ -14,8 +14,8 @@ from typing import Any
 import pytest
 
 from dtwin.bus.line.messages import LineState, SetUpDone, SetUpRequest, StationWord
-from dtwin.bus.line.plant import PlantState, PlantWord
-from dtwin.bus.line.topics import LINE_RELEASE, LINE_STATE, LINE_STOP, PLANT_SET_UP, PLANT_WORD, SET_UP
+from dtwin.bus.line.plant import ArmSettings, PlantState, PlantWord
+from dtwin.bus.line.topics import LINE_RELEASE, LINE_SETTLE, LINE_STATE, LINE_STOP, PLANT_SET_UP, PLANT_WORD, SET_UP
 from dtwin.bus.messages import FAULT, PATH, SENSORS, Done, FaultRequest
 from dtwin.bus.messages import Path as PathAngles
 from dtwin.bus.opening import open_peer
@@ -33,15 +33,16 @@ from dtwin.line.records.kept import COURSE, prepare, read
 from dtwin.line.records.tables import ask
 from dtwin.line.station import WorkTimes
 from dtwin.line.twins import node, zone
-from dtwin.line.twins.decisions import Decision
+from dtwin.line.twins.decisions import Decision, Mode
 from dtwin.line_file import LineFile
-from dtwin.parameters import ROOT
+from dtwin.parameters import ROOT, ArmParameters
 from dtwin.signals import Sensors
 from dtwin.simulation.proposals.book import Book
 from tests.support.ports import free_port
 from tests.support.waiting import until
 
 KEY = bytes(range(32))
+TIMES = dict.fromkeys(("blue", "red", "green"), 2.5)
 
 
 def flow(line: Line, times: object) -> float:
@@ -54,7 +55,7 @@ def flow(line: Line, times: object) -> float:
 def _quick() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(zone, "simulated", flow)
-        patch.setattr(node, "rehearsed", lambda plan: WorkTimes(0.0, {}, {}))
+        patch.setattr(node, "rehearsed", lambda plan: WorkTimes(0.5, TIMES, TIMES))
         yield
 
 
@@ -113,9 +114,9 @@ class Parts:
             yield
 
     @contextmanager
-    def with_zone(self) -> Iterator[None]:
+    def with_zone(self, mode: Mode = "act") -> Iterator[None]:
         bus, came = self.session(), SimpleQueue[Any]()
-        twin = LiveZone(self.line, 0, "act", bus, came.put)
+        twin = LiveZone(self.line, 0, mode, bus, came.put)
 
         def work() -> None:
             try:
@@ -175,6 +176,35 @@ def test_a_fault_is_found_from_what_the_arm_publishes(parts: Parts) -> None:
     finding = next(decision for decision in parts.decisions() if decision.what == "finding")
     assert (finding.who, finding.station) == ("monitor of left", "left")
     assert finding.why.startswith("voltage constant of joint 2, -90")
+
+
+def test_an_arm_that_can_work_on_gets_other_settings_until_it_is_released(parts: Parts) -> None:
+    def settings() -> ArmSettings | None:
+        return next(station for station in parts.plant().stations if station.name == "left").settings
+
+    weak = ArmParameters().with_values({"K3": 0.5 * ArmParameters().get("K3")})
+    with parts.with_zone(), parts.with_overall():
+        with pytest.raises(CommunicationError, match="whose twin has found other settings: nothing is wrong"):
+            parts.bus.ask(LINE_SETTLE, StationWord("ada", "to try", "left"), LineState)
+        found = ArmSettings(2.0, weak)
+        parts.bus.ask(PLANT_WORD, PlantWord("left", "settings", "its motor is weak", found), PlantState)
+        assert settings() == found
+        known = "other settings are in force"
+        until(
+            lambda: parts.state().stations[0].why.startswith(known), "the twin of the zone learns it from the plant"
+        )
+        parts.bus.ask(LINE_SETTLE, StationWord("ada", "as found", "left"), LineState)
+        assert settings() == found
+        parts.bus.ask(LINE_RELEASE, StationWord("ada", "its motor is new", "left"), LineState)
+        assert settings() is None
+        until(lambda: parts.state().stations[0].why == "nothing is wrong", "it is believed to be repaired")
+        with pytest.raises(CommunicationError, match="expected one whose arm is stopped, or works with other"):
+            parts.bus.ask(LINE_RELEASE, StationWord("ada", "again", "left"), LineState)
+        beyond = PlantWord("left", "settings", "slower", ArmSettings(100.0, weak))
+        with pytest.raises(CommunicationError, match=r"target time: expected 0\.1 to 60 s"):
+            parts.bus.ask(PLANT_WORD, beyond, PlantState)
+    assert parts.plant().set_up == {"glue": "left", "press": "right"}
+    assert [(each.who, each.what) for each in parts.decisions()] == [("ada", "settings"), ("ada", "repair")]
 
 
 def test_a_zone_goes_on_by_itself_and_agrees_with_the_twin_of_the_line_afterwards(parts: Parts) -> None:

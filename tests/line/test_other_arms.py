@@ -165,6 +165,11 @@ def test_what_a_weaker_drive_can_still_hold_follows_from_the_weights_at_its_plac
     assert twin.judged(ChainFinding(1.0, "push1", 3.0)).ability == "all"
 
 
+def test_another_arm_takes_no_settings_of_the_usual_kind(line: Line) -> None:
+    with pytest.raises(DtwinError, match="expected an arm of the usual kind"):
+        station_of(line).give("settings", text="{}")
+
+
 def test_work_moves_away_from_another_arm_that_fails_and_comes_back(line: Line) -> None:
     run = LineRun(line, LineSettings(300.0, "act", (("a2", "lock2@120-220"),)))
     run.run()

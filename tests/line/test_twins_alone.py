@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, cast
 
-from dtwin.bus.line.plant import PlantState, PlantWord, StationReading
+from dtwin.bus.line.plant import ArmSettings, PlantState, PlantWord, StationReading
 from dtwin.bus.line.topics import PLANT_STATE, PLANT_WORD
 from dtwin.bus.session import Bus
 from dtwin.bus.topics.topic import Topic
@@ -16,6 +16,7 @@ from dtwin.line.live.overall import LiveOverall
 from dtwin.line.live.zone import LiveZone
 from dtwin.line.twins.decisions import Decision
 from dtwin.line_file import LineFile
+from dtwin.parameters import ArmParameters
 from dtwin.simulation.proposals.book import Book
 
 LINE = line_of("default")
@@ -52,11 +53,10 @@ class Wire:
         return self._reply(message)
 
 
-def state(time: float, version: int = 0, stop: int = 0) -> PlantState:
-    stations = tuple(
-        StationReading(each.name, 0, stop if each.name == "a2" else 0, "it smokes" if stop else "")
-        for each in LINE.stations
-    )
+def state(time: float, version: int = 0, stop: int = 0, settings: ArmSettings | None = None) -> PlantState:
+    usual = tuple(StationReading(each.name, 0, 0) for each in LINE.stations)
+    changed = StationReading("a2", 0, stop, "it smokes" if stop else "", settings=settings)
+    stations = tuple(changed if each.name == "a2" else each for each in usual)
     return PlantState(time, version, dict(LINE.assignment), 0, 0, 0, 0, 0, 0.0, stations, ())
 
 
@@ -73,6 +73,27 @@ def test_a_stop_that_nobody_answers_is_said_again_until_the_arm_is_stopped() -> 
     for time in (4.0, 5.0):
         zone.take(state(time, stop=1))
     assert len([asked for asked in wire.asked if asked[0] == PLANT_WORD]) == 4
+
+
+def test_settings_that_nobody_answers_are_said_again_until_the_plant_tells_them() -> None:
+    def nobody(message: Any) -> Any:
+        raise CommunicationError("nobody answers")
+
+    wire, slower = Wire(nobody), ArmSettings(2.5, ArmParameters())
+    zone = LiveZone(LINE, 0, "act", cast(Bus, wire), lambda came: None)
+    zone._settle("a2", slower, "friction")
+    for time in (1.0, 2.0):
+        zone.take(state(time))
+    assert wire.asked == [(PLANT_WORD, PlantWord("a2", "settings", "friction", slower))] * 3
+    zone.take(state(3.0, settings=slower))
+    zone.take(state(4.0, settings=slower))
+    assert len(wire.asked) == 3
+    assert zone._twin.capability("a2").settings is not None
+    zone.take(state(5.0))
+    assert zone._twin.capability("a2").ability == "all", (
+        "it has the settings of its cell again: somebody has released it"
+    )
+    assert zone._twin.capability("a2").settings is None
 
 
 def overall(wire: Wire, folder: Path, history: LineFile[Decision]) -> LiveOverall:

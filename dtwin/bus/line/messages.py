@@ -323,7 +323,8 @@ class SetUpDone(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
 
 
 class StationWord(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
-    """Somebody's word to stop the arm of a station, or to let it move again.
+    """Somebody's word to stop the arm of a station, to have it work with the settings that its twin has found, or to
+    let it move again.
 
     Attributes:
         who: name of who asks.

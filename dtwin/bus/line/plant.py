@@ -128,12 +128,14 @@ class StationAbility(msgspec.Struct, frozen=True):
         ability: all, slower, some places, lighter boxes or nothing.
         places: places of its cell to which it can bring the heaviest box.
         why: why, in words.
+        settings: settings of its blocks with which it can do that; None for those in force.
     """
 
     name: Word
     ability: Literal["all", "slower", "some places", "lighter boxes", "nothing"]
     places: tuple[Word, ...]
     why: Line
+    settings: ArmSettings | None = None
 
 
 class ZoneState(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):

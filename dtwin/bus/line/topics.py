@@ -32,11 +32,12 @@ LINE_PROPOSE: Final = Topic("twin/overall/propose", "query", ProposalRequest, Pr
 LINE_DECIDE: Final = Topic("twin/overall/decide", "query", ProposalDecision, Proposal, "line", patience=CHECKED)
 SET_UP: Final = Topic("twin/overall/setup", "query", SetUpRequest, SetUpDone, "line", patience=CHECKED)
 LINE_STOP: Final = Topic("twin/overall/stop", "query", StationWord, LineState, "line", patience=CHECKED)
+LINE_SETTLE: Final = Topic("twin/overall/settle", "query", StationWord, LineState, "line", patience=CHECKED)
 LINE_RELEASE: Final = Topic("twin/overall/release", "query", StationWord, LineState, "line", patience=CHECKED)
 LINE_PLAN: Final = Topic("twin/overall/plan", "query", LookRequest, LinePlan, "line")
 LINE_DESK: Final = Topic("twin/overall/desk", "query", ZoneDeskRequest, ZoneDesks, "line")
 LINE_TOPICS: Final = (
     *(PLANT_STATE, PLANT_SET_UP, PLANT_WORD, ZONE_STATE, ZONE_FLOW),
-    *(LINE_STATE, LINE_PREDICT, LINE_LOOK, LINE_PROPOSE, LINE_DECIDE, SET_UP, LINE_STOP, LINE_RELEASE),
+    *(LINE_STATE, LINE_PREDICT, LINE_LOOK, LINE_PROPOSE, LINE_DECIDE, SET_UP, LINE_STOP, LINE_SETTLE, LINE_RELEASE),
     *(LINE_PLAN, LINE_DESK),
 )

@@ -1,19 +1,20 @@
-"""What is said to a running line: `dtwin line status`, `dtwin line release`, `dtwin line setup` and
-`dtwin line fault`."""
+"""What is said to a running line: `dtwin line status`, `dtwin line settle`, `dtwin line release`, `dtwin line setup`
+and `dtwin line fault`."""
 
 from __future__ import annotations
 
 import getpass
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import ClassVar, Final
 
 import tyro
 
 from dtwin.bus.line.messages import LineState, SetUpDone, SetUpRequest, StationWord
-from dtwin.bus.line.topics import LINE_RELEASE, LINE_STATE, SET_UP
+from dtwin.bus.line.topics import LINE_RELEASE, LINE_SETTLE, LINE_STATE, SET_UP
 from dtwin.bus.messages import FAULT, Done, FaultRequest
 from dtwin.bus.session import Bus
+from dtwin.bus.topics.topic import Topic
 from dtwin.errors import ParameterError, choices
 from dtwin.services.runfile import join_line
 from dtwin.terminal import print_json, printable
@@ -53,8 +54,10 @@ class LineStatus(_AtLine):
 
 
 @dataclass(frozen=True, kw_only=True)
-class LineRelease(_AtLine):
-    """Let the stopped arm of a station move again, as one that is repaired; its work comes back."""
+class _Word(_AtLine):
+    """A word about the arm of a station."""
+
+    topic: ClassVar[Topic]
 
     station: tyro.conf.Positional[str]
     """Name of the station."""
@@ -66,8 +69,23 @@ class LineRelease(_AtLine):
     def execute(self) -> int:
         with self.joined() as bus:
             word = StationWord(self.who or getpass.getuser(), self.why, self.station)
-            show(bus.ask(LINE_RELEASE, word, LineState))
+            show(bus.ask(self.topic, word, LineState))
         return 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class LineSettle(_Word):
+    """Have the arm of a station work with the settings that its twin has found, as it proposes."""
+
+    topic: ClassVar = LINE_SETTLE
+
+
+@dataclass(frozen=True, kw_only=True)
+class LineRelease(_Word):
+    """Let the stopped arm of a station move again, as one that is repaired, and give an arm that works with other
+    settings its own; its work comes back."""
+
+    topic: ClassVar = LINE_RELEASE
 
 
 @dataclass(frozen=True, kw_only=True)

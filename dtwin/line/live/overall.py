@@ -97,7 +97,7 @@ class DistantZone:
         told = () if self.state is None else self.state.stations
         found = next((each for each in told if each.name == station), None)
         if found is not None and (self.present or found.ability != "all"):
-            return Capability(found.ability, found.places, found.why)
+            return Capability(found.ability, found.places, found.why, found.settings)
         readings = () if self.plant is None else self.plant.stations
         stopped = next((each for each in readings if each.name == station and each.stop), None)
         if stopped is not None:
@@ -266,6 +266,20 @@ class LiveOverall:
         """
         self._word(PlantWord(self._checked(station), "failed", f"it was stopped by {who}: {why}"[:1000]))
         self._note(Decision(self.time, who, "stop", why, station))
+
+    def settle(self, station: str, who: str, why: str) -> None:
+        """Has an arm work with the settings that its twin has found.
+
+        Raises:
+            ParameterError: there is no such station, or its twin has found none.
+            CommunicationError: the plant does not answer.
+        """
+        found = self._capability(self._checked(station))
+        if found.settings is None:
+            raise ParameterError(f"station {station}: expected one whose twin has found other settings: {found.why}")
+        said = f"asked for by {who}: {why}"[:1000]
+        self._word(PlantWord(station, "settings", said, found.settings))
+        self._note(Decision(self.time, who, "settings", why, station))
 
     def release(self, station: str, who: str, why: str) -> None:
         """Lets a stopped arm move again, as one that is repaired.

@@ -15,6 +15,7 @@ from dtwin.bus.line.topics import (
     LINE_PREDICT,
     LINE_PROPOSE,
     LINE_RELEASE,
+    LINE_SETTLE,
     LINE_STATE,
     LINE_STOP,
     SET_UP,
@@ -55,6 +56,9 @@ class Asked(Protocol):
     def stop(self, station: str, who: str, why: str) -> None:
         """Stops the arm of a station. Raises ParameterError."""
 
+    def settle(self, station: str, who: str, why: str) -> None:
+        """Has an arm work with the settings that its twin has found. Raises ParameterError."""
+
     def release(self, station: str, who: str, why: str) -> None:
         """Lets a stopped arm move again. Raises ParameterError."""
 
@@ -82,6 +86,7 @@ class Answers:
         bus.answer(LINE_DECIDE, ProposalDecision, partial(ask, self._decide))
         bus.answer(SET_UP, SetUpRequest, partial(ask, self._set_up))
         bus.answer(LINE_STOP, StationWord, partial(ask, partial(self._word, asked.stop)))
+        bus.answer(LINE_SETTLE, StationWord, partial(ask, partial(self._word, asked.settle)))
         bus.answer(LINE_RELEASE, StationWord, partial(ask, partial(self._word, asked.release)))
 
     def _look(self) -> LineLook:
@@ -176,6 +181,10 @@ class LiveLine:
     def stop(self, station: str, who: str, why: str) -> None:
         """Stops the arm of a station. Raises ParameterError: there is none of that name."""
         self._run.stop(station, who, why)
+
+    def settle(self, station: str, who: str, why: str) -> None:
+        """Has an arm work with the settings that its twin has found. Raises ParameterError: there are none."""
+        self._run.settle(station, who, why)
 
     def release(self, station: str, who: str, why: str) -> None:
         """Lets a stopped arm move again. Raises ParameterError: there is none of that name, or it is not stopped."""

@@ -109,7 +109,7 @@ class LiveZone:
         stations = []
         for name in self._twin.stations:
             able = self._twin.capability(name)
-            stations.append(StationAbility(name, able.ability, able.places, able.why[:1000]))
+            stations.append(StationAbility(name, able.ability, able.places, able.why[:1000], able.settings))
         self._tell(ZoneState(self._twin.name, self.time, tuple(stations), tuple(map(told, self._decisions))))
 
     def _look(self, plant: PlantState) -> None:

@@ -159,7 +159,7 @@ def _svg(parts: list[str], run: Kept, height: float) -> str:
         x = _LEFT + scale * k * step
         parts.append(f'<text x="{x:.1f}" y="{height + 14:.0f}" font-size="11" fill="#666">{k * step} s</text>')
     for decision in run.decisions:
-        if decision.what in ("stop", "set-up", "repair"):
+        if decision.what in ("stop", "settings", "set-up", "repair"):
             x = _LEFT + scale * decision.time
             parts.append(f'<path d="M{x:.1f} 0V{height:.0f}" stroke="#222" stroke-dasharray="3 3"/>')
     box = f"0 0 {_WIDTH:.0f} {height + 20:.0f}"

@@ -62,6 +62,7 @@ class ChainNodeTwin:
         self._work = MeasuredWork(self._places, self._settings.arm.period)
         self._seen = self._told = 0
         self._known = False
+        self.rests = False
 
     @property
     def times(self) -> WorkTimes:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from dtwin.bus.line.plant import ArmSettings
+from dtwin.line.station import FREE
 from dtwin.line.twins.decisions import Decision, Mode, Note
 from dtwin.line.twins.node import Capability, Node
 
@@ -51,6 +52,7 @@ class Guard:
         self._nodes, self._mode, self._hands, self._note = nodes, mode, hands, hands.note
         self.stopped: set[str] = set()
         self._proposed: set[str] = set()
+        self._waiting: set[str] = set()
 
     def capability(self, station: str) -> Capability:
         """What the arm of a station can still do, as its twin says."""
@@ -85,12 +87,14 @@ class Guard:
             self._note(Decision(time, f"monitor of {station}", "finding", finding.text(), station))
             able = node.capability
             if not stop and station not in self.stopped and set(self._hands.needed(station)) <= set(able.places):
-                reasons += self._settle(station, able, time)
+                reasons += self._go_on(station, able, time)
                 continue
             if able.ability == "all":
                 continue
             reasons.append(f"{station} can do nothing")
             self._stop(station, node.state_of(finding), f"{able.ability}: {able.why}", time)
+        if station in self._waiting and arm == FREE and node.rests and not stop and station not in self.stopped:
+            self._settle(station, time)
         if node.doubt and station not in self.stopped:
             reasons.append(f"{station} can do nothing")
             self._stop(station, "failed", node.doubt, time)
@@ -101,17 +105,25 @@ class Guard:
             reasons.append(f"{station} can do nothing")
         return reasons
 
-    def _settle(self, station: str, able: Capability, time: float) -> list[str]:
-        """Has an arm go on with other settings, if it needs any; the reasons to share the work out otherwise."""
-        if able.settings is None or (self._mode == "propose" and station in self._proposed):
+    def _go_on(self, station: str, able: Capability, time: float) -> list[str]:
+        """Lets an arm work on, with other settings if it needs any; the reasons to share the work out otherwise."""
+        if able.settings is None or station in self._proposed:
             return []
-        self._proposed.add(station)
-        why = f"{able.ability}: {able.why}"
         if self._mode == "act":
-            self._hands.settle(station, able.settings, why)
-        what = "settings" if self._mode == "act" else "proposal"
-        self._note(Decision(time, f"twin of {station}", what, why, station))
+            self._waiting.add(station)
+        else:
+            self._proposed.add(station)
+            self._note(Decision(time, f"twin of {station}", "proposal", f"{able.ability}: {able.why}", station))
         return [] if able.ability == "all" else [f"{station} can do {able.ability}"]
+
+    def _settle(self, station: str, time: float) -> None:
+        """Gives an arm that stands, without a box, its other settings: in mid-motion a new model would jerk it."""
+        self._waiting.discard(station)
+        able = self._nodes[station].capability
+        if able.settings is not None:
+            why = f"{able.ability}: {able.why}"
+            self._hands.settle(station, able.settings, why)
+            self._note(Decision(time, f"twin of {station}", "settings", why, station))
 
     def _stop(self, station: str, state: StopState, why: str, time: float) -> None:
         """Has an arm stopped, which does nothing from then on, whatever it could."""
@@ -135,5 +147,6 @@ class Guard:
         self._nodes[station].repaired()
         self.stopped.discard(station)
         self._proposed.discard(station)
+        self._waiting.discard(station)
         self._note(Decision(time, who, "repair", why, station))
         return f"{station} is repaired"

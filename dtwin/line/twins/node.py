@@ -34,6 +34,10 @@ SETTLED: Final = 800
 """Ticks that an arm takes to come to its path at the start, or after it was released."""
 TRIAL: Final = 3000
 """Ticks after SETTLED for which settings that were changed are on trial."""
+_STANDS: Final = 20
+"""Ticks for which the path of an arm at rest has not moved at least."""
+_STILL: Final = 0.002
+"""Range within which it may have, rad: of a path that was lost on its way, only what encoders read is known."""
 SLOWER: Final = 1.05
 """Share of its usual time for a box from which on an arm works slower."""
 LEAST: Final = 1e-6
@@ -71,6 +75,8 @@ class Node(Protocol):
 
     plan: StationPlan
     capability: Capability
+    rests: bool
+    """Whether the arm stood when it was looked at last."""
 
     @property
     def times(self) -> WorkTimes:
@@ -117,6 +123,7 @@ class NodeTwin:
         self._busy_since: int | None = None
         self._known = False
         self._settings: ArmSettings | None = None
+        self.rests = False
         self._before = self._after = 0.0
 
     def _believe(self, arm: ArmParameters) -> None:
@@ -181,6 +188,8 @@ class NodeTwin:
         away = np.abs(new.stack("target") - new.stack("measured")).max()
         late = arm != FREE and not stopped and rows - self._busy_since > LATE
         self._try(away, rows)
+        path = new.stack("target")[-_STANDS:]
+        self.rests = len(path) == _STANDS and float(np.ptp(path, axis=0).max()) <= _STILL
         if rows > self._from + SETTLED and (away > AWAY or late):
             self._suspected_until = rows + AFTER
         if rows > self._suspected_until:

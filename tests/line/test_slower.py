@@ -1,0 +1,253 @@
+"""An arm of a line that has changed and works on: with a model of what it has become, and more time if need be."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dtwin.bus.line.plant import ArmSettings
+from dtwin.errors import DtwinError
+from dtwin.line.file import line_of
+from dtwin.line.run import LineRun, LineSettings
+from dtwin.line.station import FREE, HOLDING, EmulatedStation, Input, WorkTimes, replayed, settings_text
+from dtwin.line.twins import zone
+from dtwin.line.twins.decisions import Mode
+from dtwin.line.twins.guard import Guard, Hands
+from dtwin.line.twins.node import Capability, NodeTwin
+from dtwin.line.twins.rehearsal import rehearsed, rehearsed_anew
+from dtwin.line.twins.zone import ZoneTwin
+from dtwin.monitoring.kinds import parse_fault_id
+from dtwin.monitoring.verdict import Finding, finding
+from dtwin.parameters import ArmParameters
+from evidence.line.best import slowed
+
+LINE = line_of("default")
+PLAN = LINE.stations[1]
+HEALTHY = ArmParameters()
+
+
+def found(fault: str, size: float) -> Finding:
+    return finding(parse_fault_id(fault), 1.0, 1.5, size)
+
+
+def twin() -> NodeTwin:
+    return NodeTwin(PLAN, 0.19, 0.21)
+
+
+def test_an_arm_with_more_friction_works_on_at_a_longer_target_time() -> None:
+    able = twin().judged(found("D2", 5.0 * HEALTHY.get("D2")))
+    assert (able.ability, set(able.places)) == ("slower", {"blue", "red", "green"})
+    assert able.settings is not None
+    assert able.settings.target_time > 2.0
+    assert able.settings.model.get("D2") == pytest.approx(6.0 * HEALTHY.get("D2"))
+    assert able.times is not None
+    assert able.times.carry["red"] > rehearsed(PLAN).carry["red"] + 0.2
+    assert "instead of 5.6 s" in able.why
+
+
+def test_a_size_counts_relative_to_a_motors_constant_and_as_it_is_for_friction() -> None:
+    weak, stiff = twin().judged(found("K3", -0.5)), twin().judged(found("D3", 0.1))
+    assert weak.settings is not None
+    assert stiff.settings is not None
+    assert weak.settings.model.get("K3") == pytest.approx(0.5 * HEALTHY.get("K3"))
+    assert stiff.settings.model.get("D3") == pytest.approx(HEALTHY.get("D3") + 0.1)
+    assert (weak.ability, weak.settings.target_time) == ("all", 2.0), "a model of it is all that it needs"
+    supply = twin().judged(found("supply", -0.1))
+    assert supply.settings is not None
+    assert supply.settings.model.voltage_constant == pytest.approx(0.9 * np.array(HEALTHY.voltage_constant))
+
+
+def test_no_settings_are_tried_beyond_their_bounds() -> None:
+    assert rehearsed_anew(PLAN, HEALTHY.with_values({"D1": 50.0}), ("red",), 0.21) is None
+
+
+def test_the_twin_of_a_zone_reckons_with_an_arm_that_is_slower() -> None:
+    nodes = {station.name: NodeTwin(station, 0.19, 0.21) for station in LINE.zones[0].stations}
+    both = ZoneTwin(LINE, 0, nodes)
+    shared, moved = {"deburr": "a1", "mark": "a2"}, {"deburr": "a1", "mark": "a1"}
+    assert both.rate(shared) > 1.05 * both.rate(moved)
+    usual = rehearsed(PLAN)
+    slow = WorkTimes(usual.grip, dict.fromkeys(usual.carry, 4.0), dict.fromkeys(usual.back, 3.5))
+    nodes["a2"].capability = Capability("slower", tuple(usual.carry), "friction", None, slow)
+    now = both.best(("deburr", "mark"), shared)
+    assert now is not None
+    assert now.assignment == shared, "slower is still better than one arm for both"
+    stuck = WorkTimes(usual.grip, dict.fromkeys(usual.carry, 40.0), dict.fromkeys(usual.back, 40.0))
+    nodes["a2"].capability = Capability("slower", tuple(usual.carry), "friction", None, stuck)
+    now = both.best(("deburr", "mark"), shared)
+    assert now is not None
+    assert now.assignment == moved
+
+
+@pytest.fixture
+def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Has zones tell at once what they let through, the same for every way to share the work out."""
+    monkeypatch.setattr(zone, "simulated", lambda line, times: 100.0)
+
+
+def run_of(fault: str, mode: Mode, duration: float) -> LineRun:
+    run = LineRun(LINE, LineSettings(duration, mode, (("a2", fault),)))
+    run.run()
+    return run
+
+
+def said(run: LineRun) -> list[tuple[str, str]]:
+    return [(decision.who, decision.what) for decision in run.course.decisions]
+
+
+@pytest.mark.usefixtures("_quick")
+def test_the_blocks_get_what_the_twin_has_found_and_their_own_back_after_repair(tmp_path: Path) -> None:
+    run = run_of("D3*=3@60-110", "act", 112.0)
+    assert said(run) == [
+        ("monitor of a2", "finding"),
+        ("twin of a2", "settings"),
+        ("operator", "repair"),
+    ]
+    ours = run.emulated["a2"]
+    kinds = [given.kind for given in ours.inputs if given.kind not in ("bring", "take")]
+    assert kinds == ["fault", "settings", "release"]
+    assert ours.settings is None
+    assert run.work.assignment == LINE.assignment
+    assert (run.plant.lost, run.plant.collisions) == (0, 0)
+    assert isinstance(ours, EmulatedStation)
+    alone = replayed(PLAN, ours.inputs, 11_200)
+    alone.write_parquet(tmp_path / "alone.parquet")
+    ours.write_log(tmp_path / "ours.parquet")
+    assert (tmp_path / "alone.parquet").read_bytes() == (tmp_path / "ours.parquet").read_bytes()
+    settled = next(given.tick for given in ours.inputs if given.kind == "settings")
+    seen = ours.log.since(settled + 800)
+    rows = 11_000 - settled - 800
+    assert np.abs(seen.stack("target") - seen.stack("measured"))[:rows].max() < 0.01, "it follows its path again"
+
+
+@pytest.mark.usefixtures("_quick")
+def test_twins_that_propose_change_nothing_until_a_person_has_it_done() -> None:
+    run = run_of("K3*=0.5@60", "propose", 78.0)
+    assert said(run)[:2] == [("monitor of a2", "finding"), ("twin of a2", "proposal")]
+    assert said(run).count(("twin of a2", "proposal")) == 1
+    assert run.emulated["a2"].settings is None
+    run.settle("a2", "ada", "as proposed")
+    assert run.emulated["a2"].settings == run.capability("a2").settings
+    assert run.course.decisions[-1].who == "ada"
+    run.release("a2", "ada", "its motor is new")
+    assert run.emulated["a2"].settings is None
+    with pytest.raises(DtwinError, match="whose twin has found other settings"):
+        run.settle("a2", "ada", "again")
+    with pytest.raises(DtwinError, match="works with other settings"):
+        run.release("a2", "ada", "again")
+
+
+class FakeNode:
+    """A twin of a station that has just found something."""
+
+    plan, doubt, rests = PLAN, "", True
+
+    def __init__(self, capability: Capability) -> None:
+        self.capability = capability
+
+    @property
+    def times(self) -> WorkTimes:
+        return rehearsed(PLAN)
+
+    def repaired(self) -> None:
+        self.doubt = ""
+
+    def stopped(self, why: str) -> None:
+        self.capability = Capability("nothing", (), why)
+
+    def watch(self, log: Any, arm: int, stopped: bool = False, settings: Any = None) -> Sequence[Finding]:
+        return [] if settings or stopped else [found("K1", -0.4)]
+
+    def state_of(self, finding: Any) -> Any:
+        return "failed"
+
+
+def looked(
+    able: Capability, needed: set[str], arm: int = FREE, mode: Mode = "act"
+) -> tuple[list[str], list[str], Guard]:
+    """What a watch has done about an arm that can do so much, the reasons it gives, and the watch."""
+    did: list[str] = []
+    hands = Hands(
+        lambda station, state, why: did.append(f"stop {state}"),
+        lambda station, settings, why: did.append(f"{settings.target_time:g} s"),
+        lambda station: needed,
+        lambda decision: None,
+    )
+    guard = Guard({"a2": FakeNode(able)}, mode, hands)
+    return did, guard.look("a2", None, arm, 0, 10.0), guard
+
+
+SOME = Capability("some places", ("blue", "red"), "weak", ArmSettings(2.2, HEALTHY), rehearsed(PLAN))
+
+
+def test_an_arm_goes_on_only_if_it_reaches_the_places_where_its_boxes_belong() -> None:
+    did, reasons, guard = looked(SOME, {"red"})
+    assert (did, reasons) == (["2.2 s"], ["a2 can do some places"])
+    assert guard.capability("a2").places == ("blue", "red")
+    did, reasons, guard = looked(SOME, {"red", "green"})
+    assert (did, reasons) == (["stop failed"], ["a2 can do nothing"])
+    assert guard.capability("a2").places == (), "a stopped arm does nothing, whatever it could"
+    did, reasons, _ = looked(replace(SOME, ability="all"), {"red"})
+    assert (did, reasons) == (["2.2 s"], []), "there is no reason to share the work out otherwise"
+    assert looked(SOME, {"red"}, mode="propose")[0] == []
+
+
+def test_an_arm_gets_other_settings_between_two_boxes() -> None:
+    did, _, guard = looked(SOME, {"red"}, HOLDING)
+    assert did == []
+    node = guard._nodes["a2"]
+    node.rests = False
+    guard.look("a2", None, FREE, 0, 11.0)
+    assert did == []
+    node.rests = True
+    guard.look("a2", None, FREE, 0, 12.0)
+    assert did == ["2.2 s"]
+
+
+def test_an_arm_that_new_settings_make_worse_is_stopped() -> None:
+    did, _, guard = looked(SOME, {"red"})
+    node = guard._nodes["a2"]
+    assert isinstance(node, FakeNode)
+    node.doubt = "with the settings on trial it was 200 mrad from its path"
+    assert guard.look("a2", None, FREE, 0, 40.0, SOME.settings) == ["a2 can do nothing"]
+    assert did == ["2.2 s", "stop failed"]
+    assert "200 mrad" in guard.capability("a2").why
+
+
+def test_a_trial_compares_an_arm_with_what_it_was_before() -> None:
+    station, node = EmulatedStation(PLAN), twin()
+    wrong = ArmSettings(1.2, HEALTHY.with_values({"D2": 0.3, "D3": 0.3}))
+    station.advance(1000)
+    node.watch(station.log, FREE, settings=station.settings)
+    assert node.doubt == ""
+    station.give("settings", text=settings_text(wrong))
+    station.advance(1000)
+    node.watch(station.log, FREE, settings=station.settings)
+    station.give("bring", 0.2, "red")
+    for _ in range(6):
+        report = station.advance(100)
+        node.watch(station.log, report.arm, settings=station.settings)
+    assert "mrad from its path" in node.doubt
+    node.repaired()
+    assert node.doubt == ""
+
+
+def test_settings_out_of_range_reach_no_station() -> None:
+    station = EmulatedStation(PLAN)
+    for wrong in (ArmSettings(0.0, HEALTHY), ArmSettings(2.0, HEALTHY.with_values({"D1": 50.0}))):
+        with pytest.raises(DtwinError, match=r"target time: expected|D1: expected 0 to 5"):
+            station.apply(Input(0, "settings", text=settings_text(wrong)))
+    assert station.settings is None
+
+
+def test_the_best_knows_how_fast_a_changed_arm_could_be() -> None:
+    usual = rehearsed(PLAN)
+    choices = slowed(PLAN, "D2*=6", 0.2)
+    assert set(choices[0].carry) < set(usual.carry), "at the usual target time it does not reach all places"
+    full = next(times for times in choices if set(times.carry) == set(usual.carry))
+    assert full.carry["red"] > usual.carry["red"]
