@@ -158,20 +158,28 @@ def _line(path: Path, found: _File) -> Line:
         found.assignment,
         found.seed,
     )
-    places = {operation.name: operation.place for operation in line.operations}
-    for zone in line.zones:
-        for station in zone.stations:
-            where = f"zones.{zone.name}.stations.{station.name}"
-            try:
-                known = checked_places(station, line.source.heaviest)
-            except ParameterError as error:
-                raise ParameterError(f"{where}: {error}") from None
-            for name in station.operations:
-                if places[name] not in known:
-                    raise ParameterError(
-                        f"operations.{name}.place, for {where}: expected {choices(known)}, got {places[name]!r}"
-                    )
+    for station in line.stations:
+        check_station(line, station)
     return line
+
+
+def check_station(line: Line, station: StationPlan) -> None:
+    """Checks that a station can be one of a line: its cell, and the places of its operations there.
+
+    Raises:
+        DtwinError: it cannot; names station and key.
+    """
+    where = f"zones.{line.zones[line.zone_of(station.name)].name}.stations.{station.name}"
+    places = {operation.name: operation.place for operation in line.operations}
+    try:
+        known = checked_places(station, line.source.heaviest)
+    except ParameterError as error:
+        raise ParameterError(f"{where}: {error}") from None
+    for name in station.operations:
+        if places[name] not in known:
+            raise ParameterError(
+                f"operations.{name}.place, for {where}: expected {choices(known)}, got {places[name]!r}"
+            )
 
 
 def _zone(name: str, zone: _Zone, folder: Path) -> ZonePlan:

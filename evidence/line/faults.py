@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, ClassVar, Final, Literal
 
 import msgspec
@@ -11,9 +12,9 @@ import numpy as np
 
 from dtwin.campaign.spread import EVERY_CORE, Progress, Workforce, spread
 from dtwin.commands.frame import at_least
-from dtwin.errors import ParameterError
-from dtwin.line.file import DEFAULT_NAME, line_of
-from dtwin.line.line import Line
+from dtwin.errors import ParameterError, choices
+from dtwin.line.file import DEFAULT_NAME, check_station, line_of
+from dtwin.line.line import Line, ZonePlan
 from dtwin.line.run import LineRun, LineSettings
 from dtwin.line.twins.overall import predicted
 from evidence.experiment import SeriesCommand
@@ -58,6 +59,45 @@ STANDING: Final = 90.0
 
 
 @dataclass(frozen=True, slots=True)
+class Otherwise:
+    """What is otherwise in a line than its file says.
+
+    Attributes:
+        every: time from one box that comes to the next, s; 0 for that of the line.
+        cells: cells of some stations, by the names of the stations.
+        machine: the machine that the arms of these cells are; "" for what the cells say.
+    """
+
+    every: float = 0.0
+    cells: tuple[tuple[str, str], ...] = ()
+    machine: str = ""
+
+    def applied(self, line: Line) -> Line:
+        """A line with that.
+
+        Raises:
+            DtwinError: there is no such station, or a cell cannot be one of the line.
+        """
+        for name, cell in self.cells:
+            if name not in [station.name for station in line.stations]:
+                raise ParameterError(f"--other: expected {choices([s.name for s in line.stations])}, got {name!r}")
+            line = replace(line, zones=tuple(self._with_cell(line, zone, name, cell) for zone in line.zones))
+        return replace(line, source=replace(line.source, every=self.every)) if self.every else line
+
+    def _with_cell(self, line: Line, zone: ZonePlan, name: str, cell: str) -> ZonePlan:
+        stations = []
+        for plan in zone.stations:
+            if plan.name == name:
+                plan = replace(plan, cell_file=cell, machine=self.machine or None)
+                check_station(line, plan)
+            stations.append(plan)
+        return replace(zone, stations=tuple(stations))
+
+
+USUAL: Final = Otherwise()
+
+
+@dataclass(frozen=True, slots=True)
 class LineTrial:
     """A run of a line with one fault, or none.
 
@@ -68,8 +108,8 @@ class LineTrial:
         fault: what happens to it.
         begins: when it does, s.
         duration: plant time, s.
-        every: time from one box that comes to the next, s; 0 for that of the line.
         twins: whether the twins act.
+        what: what is otherwise than in the line's file.
     """
 
     line: str
@@ -78,8 +118,8 @@ class LineTrial:
     fault: str
     begins: float
     duration: float
-    every: float
     twins: bool
+    what: Otherwise = USUAL
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,7 +163,14 @@ def _since(trial: LineTrial) -> float:
 
 
 def trials(
-    line: str, faults: int, healthy: int, duration: float, seed: int, without: bool, causes: Causes, every: float
+    line: str,
+    faults: int,
+    healthy: int,
+    duration: float,
+    seed: int,
+    twins: Sequence[bool] = (True,),
+    causes: Causes = "stopping",
+    whats: Sequence[Otherwise] = (USUAL,),
 ) -> list[LineTrial]:
     """Drawn trials: some without a fault, and each fault with acting twins, and without twins if that is asked for.
 
@@ -133,18 +180,19 @@ def trials(
         healthy: number of runs without one.
         duration: plant time of every run, s.
         seed: number of the random generator of the faults; boxes of each run have the next ones.
-        without: whether every fault is also tried without twins.
+        twins: whether the twins act in runs of each fault.
         causes: what happens to arms.
-        every: time from one box that comes to the next, s; 0 for that of the line.
+        whats: what is otherwise in the line, one after the other. The arms of its own cells fail alone.
     """
     generator = np.random.default_rng(seed)
-    stations = [station.name for station in line_of(line).stations]
-    drawn = [LineTrial(line, seed + k, "", "", 0.0, duration, every, True) for k in range(healthy)]
+    others = [name for name, _ in whats[0].cells]
+    stations = [station.name for station in line_of(line).stations if station.name not in others]
+    drawn = [LineTrial(line, seed + k, "", "", 0.0, duration, True, whats[k % len(whats)]) for k in range(healthy)]
     for k in range(faults):
         station, cause = str(generator.choice(stations)), str(generator.choice(CAUSES[causes]))
         begins = round(EARLIEST + SPAN * float(generator.random()), 2)
-        for twins in (True, False) if without else (True,):
-            drawn.append(LineTrial(line, seed + k, station, cause, begins, duration, every, twins))
+        for act in twins:
+            drawn.append(LineTrial(line, seed + k, station, cause, begins, duration, act, whats[k % len(whats)]))
     return drawn
 
 
@@ -180,8 +228,7 @@ def tried(trial: LineTrial) -> LineOutcome:
 
 def line_tried(trial: LineTrial) -> Line:
     """The line of a trial."""
-    line = replace(line_of(trial.line), seed=trial.seed)
-    return replace(line, source=replace(line.source, every=trial.every)) if trial.every else line
+    return trial.what.applied(replace(line_of(trial.line), seed=trial.seed))
 
 
 def _moves(run: LineRun, trial: LineTrial) -> float | None:
@@ -249,7 +296,7 @@ def faults_report(outcomes: Sequence[LineOutcome]) -> Report:
         trial = outcome.trial
         rows.append(
             [
-                trial.station or "-",
+                trial.station or trial.what.machine or "-",
                 f"{trial.fault}@{trial.begins:g}" if trial.station else "none",
                 "act" if trial.twins else "off",
                 "-" if outcome.moves is None else f"{outcome.moves:.1f}",
@@ -301,6 +348,11 @@ class ExperimentLine(SeriesCommand[list[LineOutcome]]):
     """What happens to arms: stopping, after which they can do nothing, or slowing, after which they may work on."""
     every: float = 0.0
     """Time from one box that comes to the next, s; 0 for that of the line."""
+    other: tuple[str, ...] = ()
+    """STATION=CELL: a station with the cell of a file (*.toml), such as a2=lines/cells/planar-2r.toml; repeatable.
+    Faults befall the others."""
+    machine: tuple[str, ...] = ()
+    """Machines that the arms of these cells are, one after the other in the runs."""
     without: bool = False
     """Try every fault without twins, too."""
 
@@ -311,10 +363,20 @@ class ExperimentLine(SeriesCommand[list[LineOutcome]]):
             raise ParameterError(f"--duration: expected {_SHORTEST:g} s at least, got {self.duration:g}")
         at_least("--every", self.every, 0.0)
         drawn = trials(
-            *(self.line, self.faults, self.healthy, self.duration, self.seed, self.without),
-            *(self.causes, self.every),
+            *(self.line, self.faults, self.healthy, self.duration, self.seed),
+            *((True, False) if self.without else (True,), self.causes, self._whats()),
         )
         return line_faults(drawn, self.workforce(), progress)
+
+    def _whats(self) -> list[Otherwise]:
+        pairs = [each.partition("=") for each in self.other]
+        if not all(cell for _, _, cell in pairs):
+            raise ParameterError(f"--other: expected STATION=CELL, such as a2=cell.toml, got {list(self.other)}")
+        cells = tuple((name, str(Path(cell).resolve())) for name, _, cell in pairs)
+        whats = [Otherwise(self.every, cells, machine) for machine in self.machine or ("",)]
+        for what in whats:
+            what.applied(line_of(self.line))
+        return whats
 
     def report(self, result: list[LineOutcome]) -> Report:
         return faults_report(result)

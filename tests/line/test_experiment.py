@@ -7,11 +7,11 @@ import pytest
 from evidence.line.faults import LineOutcome, LineTrial, faults_report, kept_promises, soon
 
 FAILED = LineOutcome(
-    LineTrial("default", 0, "a2", "K2*=0.1", 100.0, 2000.0, 0.0, True), 96.0, 100.0, 97.0, 0.5, "", 0.0, 0, 0, False
+    LineTrial("default", 0, "a2", "K2*=0.1", 100.0, 2000.0, True), 96.0, 100.0, 97.0, 0.5, "", 0.0, 0, 0, False
 )
 """A run with a fault after which the line is as fast as is asked."""
 HEALTHY = LineOutcome(
-    LineTrial("default", 0, "", "", 0.0, 2000.0, 0.0, True), 97.5, 120.0, 100.0, None, "", None, 0, 0, False
+    LineTrial("default", 0, "", "", 0.0, 2000.0, True), 97.5, 120.0, 100.0, None, "", None, 0, 0, False
 )
 """A run without one that is as was predicted, though another assignment would be faster."""
 
