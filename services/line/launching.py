@@ -21,13 +21,13 @@ from dtwin.services.console import NAME as CONSOLE
 from dtwin.services.line.plant import NAME as PLANT
 from dtwin.services.line.zone import service_of
 from dtwin.services.parts.launched import Launched, running
-from dtwin.services.runfile import LINE, SUPERVISOR, RunFile
+from dtwin.services.runfile import LINE, OPERATOR, SUPERVISOR, RunFile
 from dtwin.services.service import free_port, held_port
 from dtwin.services.supervisor import Program, Supervisor
 from dtwin.view.viewer import LOOPBACK
 
 ROLE: Final = "line"
-"""Name of the configuration file of all processes of a line."""
+"""Name of the configuration file of all processes of a line; in a folder without it each has one of its own."""
 
 
 class LineOptions(Protocol):
@@ -119,7 +119,7 @@ def launched_line(options: LineOptions) -> Iterator[Launched]:
     with held_port() as port, RunFile(options.name) as file:
         started = programs(options, meet, port)
         address = f"http://{LOOPBACK}:{port}/" if options.console else ""
-        session = open_peer(meet) if zenoh is None else open_configured(zenoh, SUPERVISOR, ROLE)
+        session = open_peer(meet) if zenoh is None else open_configured(zenoh, SUPERVISOR, ROLE, OPERATOR)
         with Bus(session, options.name, LINE, key) as bus:
             file.write_key(key)
             supervisor = Supervisor(bus, started, key)
