@@ -192,6 +192,10 @@ def test_an_arm_goes_on_only_if_it_reaches_the_places_where_its_boxes_belong() -
     did, reasons, guard = looked(SOME, {"red", "green"})
     assert (did, reasons) == (["stop failed"], ["a2 can do nothing"])
     assert guard.capability("a2").places == (), "a stopped arm does nothing, whatever it could"
+    node = guard._nodes["a2"]
+    node.capability = SOME
+    assert guard.look("a2", None, FREE, 0, 11.0) == [], "what is found of it later changes nothing of that"
+    assert guard.capability("a2").places == ()
     did, reasons, _ = looked(replace(SOME, ability="all"), {"red"})
     assert (did, reasons) == (["2.2 s"], []), "there is no reason to share the work out otherwise"
     assert looked(SOME, {"red"}, mode="propose")[0] == []

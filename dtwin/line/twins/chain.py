@@ -15,7 +15,7 @@ from dtwin.line.chain.cell import believed_chain_settings
 from dtwin.line.chain.rows import ArmRows
 from dtwin.line.line import StationPlan
 from dtwin.line.station import FREE, WorkTimes
-from dtwin.line.twins.node import Ability, Capability
+from dtwin.line.twins.node import Capability, held_at
 from dtwin.line.twins.rehearsal import rehearsed
 from dtwin.line.twins.work import MeasuredWork
 from dtwin.monitoring.chain.finding import ChainFinding
@@ -137,13 +137,8 @@ class ChainNodeTwin:
         if found.kind == "K" and found.joint is not None:
             lost[found.joint - 1] = found.size
         lightest, heaviest = self._masses
-        heavy, light = (set(self._beyond(mass, lost)) for mass in (heaviest, lightest))
-        places = () if "pickup" in heavy else tuple(place for place in self._places if place not in heavy)
-        ability: Ability = "some places" if places else "nothing"
-        if not heavy:
-            ability = "all"
-        elif not places and not light:
-            ability = "lighter boxes"
+        heavy, light = (self._beyond(mass, lost) for mass in (heaviest, lightest))
+        ability, places = held_at(self._places, heavy, light)
         beyond = f"it cannot hold {heaviest:g} kg at {', '.join(sorted(heavy))}" if heavy else "it can hold every box"
         return Capability(ability, places, f"{found.text(arm)}: {beyond}")
 

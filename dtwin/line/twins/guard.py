@@ -86,7 +86,10 @@ class Guard:
         for finding in node.watch(log, arm, stop != 0, settings):
             self._note(Decision(time, f"monitor of {station}", "finding", finding.text(), station))
             able = node.capability
-            if not stop and station not in self.stopped and set(self._hands.needed(station)) <= set(able.places):
+            if station in self.stopped:
+                node.stopped(f"{able.ability}: {able.why}")
+                continue
+            if not stop and set(self._hands.needed(station)) <= set(able.places):
                 reasons += self._go_on(station, able, time)
                 continue
             if able.ability == "all":

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, Final, Literal, Protocol
 
 import numpy as np
@@ -99,6 +99,22 @@ class Node(Protocol):
 
     def state_of(self, finding: Any) -> Literal["failed", "angles unknown"]:
         """What a finding means to the blocks' safe stop."""
+
+
+def held_at(places: Sequence[str], heavy: Collection[str], light: Collection[str]) -> tuple[Ability, tuple[str, ...]]:
+    """What an arm can do by what its drives can hold at rest, and the places where that is the heaviest box.
+
+    Args:
+        places: names of the places of its cell, beside "pickup".
+        heavy: places at which it cannot hold the heaviest box.
+        light: those at which it cannot hold the lightest one.
+    """
+    held = () if "pickup" in heavy else tuple(place for place in places if place not in heavy)
+    if not heavy:
+        return "all", held
+    if held:
+        return "some places", held
+    return ("nothing" if light else "lighter boxes"), held
 
 
 class NodeTwin:
@@ -228,13 +244,12 @@ class NodeTwin:
         answer = answer_to(fault)
         if answer.measure == "go on":
             return self.capability
+        if answer.measure == "stop":
+            return Capability("nothing", (), f"{finding.text()}: {answer.why}")
         changed = self._changed(finding)
-        if answer.measure != "stop" and changed is not None:
-            return self._rehearsed(changed, finding.text())
-        able = answer.measure != "stop"
-        return Capability(
-            "all" if able else "nothing", self._task.colours if able else (), f"{finding.text()}: {answer.why}"
-        )
+        if changed is None:
+            return replace(self.capability, why=f"{finding.text()}: {answer.why}")
+        return self._rehearsed(changed, finding.text())
 
     def _changed(self, finding: Finding) -> ArmParameters | None:
         """The arm as a finding says that it is; None for a finding that is not about its parameters."""
@@ -250,15 +265,14 @@ class NodeTwin:
     def _rehearsed(self, arm: ArmParameters, why: str) -> Capability:
         """What an arm can do, as the weights at its places and a rehearsal with other settings say."""
         lightest, heaviest = self._masses
-        heavy, light = (set(self._strength.beyond(arm, mass)) for mass in (heaviest, lightest))
-        held = () if "pickup" in heavy else tuple(p for p in self._task.colours if p not in heavy)
+        heavy, light = (self._strength.beyond(arm, mass) for mass in (heaviest, lightest))
+        ability, held = held_at(self._task.colours, heavy, light)
         found = rehearsed_anew(self.plan, arm, held, heaviest) if held else None
         if found is None:
-            ability: Ability = "nothing" if held or light else "lighter boxes"
             beyond = (
                 f"it cannot hold {heaviest:g} kg at {', '.join(sorted(heavy))}" if heavy else "it leaves its path"
             )
-            return Capability(ability, (), f"{why}: {beyond}")
+            return Capability("nothing" if held else ability, (), f"{why}: {beyond}")
         places = tuple(found.times.carry)
         usual = longest(rehearsed(self.plan), places)
         ability = "slower" if found.cycle > SLOWER * usual else "all"
