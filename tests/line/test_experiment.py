@@ -4,7 +4,22 @@ from dataclasses import replace
 
 import pytest
 
-from evidence.line.faults import LineOutcome, LineTrial, faults_report, kept_promises, soon
+from dtwin.errors import DtwinError
+from dtwin.line.file import line_of
+from dtwin.parameters import ROOT
+from evidence.line.faults import (
+    CAUSES,
+    LineOutcome,
+    LineTrial,
+    Otherwise,
+    faults_report,
+    kept_promises,
+    line_tried,
+    soon,
+    trials,
+)
+
+CELLS = ROOT / "lines" / "cells"
 
 FAILED = LineOutcome(
     LineTrial("default", 0, "a2", "K2*=0.1", 100.0, 2000.0, True), 96.0, 100.0, 97.0, 0.5, "", 0.0, 0, 0, False
@@ -52,3 +67,30 @@ def test_an_answer_counts_from_the_fault_or_from_the_first_motion_after_it() -> 
     late = replace(FAILED, noticed=15.0, moves=12.0)
     never = replace(FAILED, noticed=None, moves=12.0)
     assert [soon([FAILED, late, never, HEALTHY], moving) for moving in (False, True)] == [1, 2]
+
+
+@pytest.mark.parametrize("arm", ["planar-2r", "servo-2r", "six-axis"])
+def test_a_station_may_have_another_arm_than_the_file_says(arm: str) -> None:
+    what = Otherwise(12.0, (("a2", str(CELLS / f"{arm}.toml")),), "71")
+    drawn = trials("default", 6, 1, 600.0, 0, (True, False), "slowing", [what])
+    assert len(drawn) == 13
+    line = line_tried(drawn[0])
+    assert line.source.every == 12.0
+    plan = next(station for station in line.stations if station.name == "a2")
+    assert (plan.machine, plan.cell_file) == ("71", str(CELLS / f"{arm}.toml"))
+    assert {trial.station for trial in drawn[1:]} <= {"a1", "b1", "b2"}
+    assert {trial.fault for trial in drawn[1:]} <= set(CAUSES["slowing"])
+
+
+@pytest.mark.parametrize(
+    ("station", "words"),
+    [
+        ("a3", "expected a1, a2, b1 or b2, got 'a3'"),
+        ("a2", r"zones\.a\.stations\.a2: source\.mass: expected at most"),
+    ],
+)
+def test_a_cell_that_cannot_be_a_station_is_refused(station: str, words: str) -> None:
+    usual = line_of("default")
+    heavy = replace(usual, source=replace(usual.source, heaviest=9.0))
+    with pytest.raises(DtwinError, match=words):
+        Otherwise(cells=((station, str(CELLS / "planar-2r.toml")),)).applied(heavy)
