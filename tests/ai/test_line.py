@@ -115,7 +115,7 @@ def _quick() -> Iterator[None]:
         patch.setattr(zone, "simulated", flow)
         patch.setattr(node, "rehearsed", lambda plan: WorkTimes(0.0, {}, {}))
         patch.setattr(
-            node.NodeTwin, "watch", lambda self, log, arm, stopped: []
+            node.NodeTwin, "watch", lambda self, log, arm, stopped, settings: []
         )  # The blocks stop an arm without a monitor.
         yield
 

@@ -193,7 +193,8 @@ def test_an_arm_that_can_work_on_gets_other_settings_until_it_is_released(parts:
         until(
             lambda: parts.state().stations[0].why.startswith(known), "the twin of the zone learns it from the plant"
         )
-        parts.bus.ask(LINE_SETTLE, StationWord("ada", "as found", "left"), LineState)
+        told = parts.bus.ask(LINE_SETTLE, StationWord("ada", "as found", "left"), LineState)
+        assert [station.target_time for station in told.stations] == [2.0, 0.0]
         assert settings() == found
         parts.bus.ask(LINE_RELEASE, StationWord("ada", "its motor is new", "left"), LineState)
         assert settings() is None

@@ -125,6 +125,7 @@ def line_state(
                 box,
                 *(reading.waiting, reading.worked, reading.finished),
                 *(reading.availability, reading.performance, reading.quality),
+                0.0 if reading.settings is None else reading.settings.target_time,
             )
         )
     return LineState(

@@ -53,6 +53,8 @@ export function makeDesk(zone) {
 /** Stop and release of a station's arm, of which the one is shown that is possible. */
 export function stationButtons(name, zone) {
   const station = () => told()?.stations.find((each) => each.name === name);
+  /** Whether it is stopped, or works with other settings than those of its cell: a person ends both. */
+  const changed = () => station()?.doing === "stopped" || station()?.target_time > 0;
   const stop = commandButton({
     name: "stop", title: `Stop ${name}`, confirm: `The arm of ${name} stops where it is and keeps its box. This is no emergency stop.`,
     form: () => ({ station: name }), reason: () => blocked("stop") || (station()?.doing === "stopped" ? "its arm is stopped" : ""),
@@ -60,14 +62,14 @@ export function stationButtons(name, zone) {
   const release = commandButton({
     name: "release", title: `Release ${name}`, confirm: `The arm of ${name} moves again, as one that is repaired; its work comes back.`,
     form: () => ({ station: name }),
-    reason: () => (station()?.doing !== "stopped" ? "its arm is not stopped" : blocked("release") || deskReason([zone])),
+    reason: () => (changed() ? blocked("release") || deskReason([zone]) : "its arm is not stopped"),
   });
   const refresh = () => {
     stop.refresh();
     release.refresh();
     const stopped = station()?.doing === "stopped";
     stop.node.hidden = stopped;
-    release.node.hidden = !stopped;
+    release.node.hidden = !changed();
   };
   refresh();
   return { nodes: [stop.node, release.node], refresh };

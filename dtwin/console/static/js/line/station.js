@@ -57,6 +57,7 @@ export function makeStation(name) {
       ["Now", doing(station)],
       ["Its arm can do", ability(station)],
       ["Why", station.why],
+      ...(station.target_time ? [["Other settings", `a model of what it is, ${number(station.target_time, 1)} s for a motion`]] : []),
       ["Does", operationsOf(name).join(", ") || "nothing"],
       ["Could do, too", others.join(", ") || "nothing"],
       ["Waits, work, done", `${box(station.waiting)}, ${box(station.worked)}, ${box(station.finished)}`],
