@@ -154,6 +154,7 @@ PROGRAMS: Final = {
     "./client": "tests/services/test_clients.py",
     "python": "tests/services/test_clients.py",
     "dask": "starts a cluster: tests/campaign/test_cluster.py has one",
+    "scripts/secured-line": "tests/services/test_secured_line.py writes the same folder",
 }
 HELD: Final = {
     ("docs/line.md", "toml"): "tests/line/test_line_files.py",

@@ -11,13 +11,13 @@ from evidence.line.faults import (
     CAUSES,
     LineOutcome,
     LineTrial,
-    Otherwise,
     faults_report,
     kept_promises,
     line_tried,
     soon,
     trials,
 )
+from evidence.line.otherwise import Otherwise
 
 CELLS = ROOT / "lines" / "cells"
 
