@@ -1,4 +1,4 @@
-"""What is otherwise in a line that is tried than its file says: how fast boxes come, and the cells of some stations."""
+"""What is otherwise in a line than its file says: how fast boxes come, and the cells of some stations."""
 
 from __future__ import annotations
 
