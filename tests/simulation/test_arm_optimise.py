@@ -3,6 +3,7 @@
 import pickle
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -26,8 +27,8 @@ def settings(machine: str = "nominal") -> ChainSettings:
     return replace(given, poses=replace(given.poses, positions=given.poses.positions[:2]))
 
 
-def objective(**given: object) -> ArmObjective:
-    return replace(ArmObjective(once(settings())), **given)
+def objective(**given: Any) -> ArmObjective:
+    return ArmObjective(once(settings()), **given)
 
 
 def test_what_is_found_costs_less_on_other_drawn_machines_too() -> None:
