@@ -183,7 +183,7 @@ _WORDS: Final[Sequence[tuple[str, str | Callable[[re.Match[str]], str]]]] = (
     (
         r"^Unrecognized options: (--arm\b.*)$",
         r"\1: this knows the arm of the thesis alone: expected `dtwin run`, `up`, `arm`, `fb make`, `margins`, "
-        "`identify`, `monitor`, `experiment arms` or `experiment arm-faults` with another arm",
+        "`optimise`, `identify`, `monitor`, `experiment arms` or `experiment arm-faults` with another arm",
     ),
     (r"^Unrecognized options: ", "unknown option or too many words: "),
 )

@@ -141,6 +141,8 @@ def read_urdf(path: Path, base: str | None = None, tip: str | None = None) -> Ar
             message names file and line, what was expected and what was there.
     """
     file = _File(path)
+    if not file.links:
+        raise ModelError(f"{path}: expected links, got none: a part of a description, or one that was not expanded")
     roots = [name for name in file.links if name not in file.above]
     if base is None and len(roots) != 1:
         raise ModelError(f"{path}: expected one link without a joint above it, got {roots or 'none: a closed loop'}")

@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, Final
+from typing import Any, Final, Protocol, TypeVar
 
 import numpy as np
 
@@ -62,15 +62,30 @@ class Optimum:
 
     def front(self, *terms: str) -> list[CandidateScore]:
         """The Pareto front of the usable candidates in the given terms, ordered by the first term."""
-        usable = [found for found in self.scores if not found.broken]
-        values = np.array([[found.terms[term] for term in terms] for found in usable])
-        kept = []
-        for k, row in enumerate(values):
-            better = (values <= row).all(axis=1) & (values < row).any(axis=1)
-            twin = (values[:k] == row).all(axis=1)
-            if not better.any() and not twin.any():
-                kept.append(usable[k])
-        return sorted(kept, key=lambda found: found.terms[terms[0]])
+        return front_of(self.scores, *terms)
+
+
+Scored = TypeVar("Scored", bound="_Scored")
+
+
+class _Scored(Protocol):
+    @property
+    def terms(self) -> dict[str, float]: ...
+    @property
+    def broken(self) -> str: ...
+
+
+def front_of(scores: Iterable[Scored], *terms: str) -> list[Scored]:
+    """The Pareto front of the evaluations that keep all limits in the given terms, ordered by the first term."""
+    usable = [found for found in scores if not found.broken]
+    values = np.array([[found.terms[term] for term in terms] for found in usable])
+    kept = []
+    for k, row in enumerate(values):
+        better = (values <= row).all(axis=1) & (values < row).any(axis=1)
+        twin = (values[:k] == row).all(axis=1)
+        if not better.any() and not twin.any():
+            kept.append(usable[k])
+    return sorted(kept, key=lambda found: found.terms[terms[0]])
 
 
 def optimise(

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Final
 
 from dtwin.pictures import COLOURS, DARK, legend, new_figure, save
+from dtwin.simulation.chain.optimise import ArmOptimum
 from dtwin.simulation.optimise import Optimum
 
 _LABELS: Final = {
@@ -13,12 +14,12 @@ _LABELS: Final = {
     "tracking": "farthest from the path, rad",
     "energy": "energy a motion, J",
     "voltage": "peak voltage, V",
+    "command": "largest command, parts of what a drive takes",
 }
-_PAIRS: Final = (("time", "tracking"), ("time", "energy"), ("time", "voltage"))
 
 
-def draw_front(found: Optimum, path: Path) -> None:
-    """Draws the settling time against tracking, energy and peak voltage as a PNG file.
+def draw_front(found: Optimum | ArmOptimum, path: Path) -> None:
+    """Draws the settling time against the other terms, such as tracking, energy and peak voltage, as a PNG file.
 
     Raises:
         RecordingError: the path cannot be written.
@@ -26,7 +27,8 @@ def draw_front(found: Optimum, path: Path) -> None:
     figure = new_figure(15, 5)
     usable = [each for each in found.scores if not each.broken]
     figure.suptitle(f"{len(usable)} of {len(found.scores)} candidates keep all limits, in every scenario")
-    for axis, (first, second) in zip(figure.subplots(1, len(_PAIRS)), _PAIRS, strict=True):
+    first, *others = found.reference.terms
+    for axis, second in zip(figure.subplots(1, len(others)), others, strict=True):
         points = [(each.terms[first], each.terms[second]) for each in usable]
         front = [(each.terms[first], each.terms[second]) for each in found.front(first, second)]
         if points:

@@ -139,6 +139,11 @@ def test_a_closed_loop_is_refused_wherever_the_chain_shall_begin(tmp_path: Path,
         read_urdf(file, base=base)
 
 
+def test_a_file_without_links_is_no_closed_loop(tmp_path: Path) -> None:
+    with pytest.raises(ModelError, match="expected links, got none"):
+        read_urdf(robot(tmp_path, links=""))
+
+
 def test_a_chain_without_end_is_refused(tmp_path: Path) -> None:
     links = [f"l{number}" for number in range(2000)]
     file = tmp_path / "long.urdf"

@@ -40,7 +40,7 @@ def test_a_cell_file_says_what_options_say(cell: Path, capsys: pytest.CaptureFix
     assert other["tracking_error_max"] != options["tracking_error_max"]
 
 
-@pytest.mark.parametrize("words", [["cell", "check"], ["optimise"]])
+@pytest.mark.parametrize("words", [["cell", "check"], ["simulate"]])
 def test_what_knows_the_arm_of_the_thesis_alone_says_so(
     words: list[str], cell: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -51,7 +51,7 @@ def test_what_knows_the_arm_of_the_thesis_alone_says_so(
     assert "dtwin run --cell-file" in told
 
 
-@pytest.mark.parametrize("command", ["simulate", "optimise"])
+@pytest.mark.parametrize("command", ["simulate", "bench"])
 def test_other_arms_are_refused_with_what_knows_them(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([command, "--arm", "six-axis"]) == 2
     told = " ".join(capsys.readouterr().err.split())

@@ -13,6 +13,7 @@ from rich.table import Table
 
 from dtwin.arm.chain import Arm
 from dtwin.arm.file import FOLDER, SUFFIX, names
+from dtwin.arm.packages import installed
 from dtwin.arm.poses import drawn_poses
 from dtwin.arm.text import findings, imported, summary
 from dtwin.commands.frame import JsonOption
@@ -36,19 +37,20 @@ class ArmImport:
     """
 
     model: Annotated[Path, tyro.conf.Positional]
-    """MJCF (.xml) or URDF file of the arm."""
+    """MJCF (.xml) or URDF file of the arm, or package://NAME/FILE for one of an installed Python package."""
     tip: str | None = None
     """Last link of the chain; the end of the longest chain if not given."""
     out: Path | None = None
-    """TOML file to write, beside the model and called as it if not given."""
+    """TOML file to write, called as the model if not given, and beside it, or here if it is one of a package."""
 
     def execute(self) -> int:
-        path = self.out or self.model.with_suffix(SUFFIX)
+        file = installed(self.model)
+        path = self.out or (file if file == self.model else Path(file.name)).with_suffix(SUFFIX)
         if self.out is None and path.exists():
             raise ModelError(f"{path}: is there already: give --out FILE to write another one")
         ensure_writable(path, SUFFIX)
-        chain = chain_of(self.model, self.tip)
-        model = os.path.relpath(self.model.absolute(), path.absolute().parent)
+        chain = chain_of(file, self.tip)
+        model = os.path.relpath(file.absolute(), path.absolute().parent)
         with replacing(path, SUFFIX) as temporary:
             temporary.write_text(imported(chain, Path(model).as_posix(), self.tip))
         _print([*summary(chain), *findings(arm_of(str(path))), f"written: {path}"])

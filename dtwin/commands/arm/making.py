@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Final
@@ -29,7 +30,7 @@ TYPES: Final = (
 class FbMake:
     """Make the application of function blocks that controls an arm: a system for 4diac IDE, FORTE and `dtwin fb run`.
 
-    The block types are put beside it, so that its folder is whole.
+    The block types are put beside it, so that its folder, which is made if it is not there, is whole.
     """
 
     arm: Annotated[str, tyro.conf.Positional]
@@ -46,7 +47,6 @@ class FbMake:
     """Reckon with commands that act one sample late, as between services and over networks."""
 
     def execute(self) -> int:
-        ensure_writable(self.out, ".sys")
         arm = arm_of(self.arm)
         if self.poses is not None and self.path is not None:
             raise ParameterError("--poses and --path: expected one of them")
@@ -54,6 +54,9 @@ class FbMake:
         poses = poses if self.path is None else read_path(self.path, arm)
         control = Control(delay=arm.period if self.late else 0.0)
         values = inputs(arm, usual_inertia(arm), control, poses)
+        with contextlib.suppress(OSError):  # what cannot be made is told as what cannot be written
+            self.out.parent.mkdir(parents=True, exist_ok=True)
+        ensure_writable(self.out, ".sys")
         types = _types(self.out.absolute().parent)
         for path, content in types.items():
             with replacing(path) as temporary:

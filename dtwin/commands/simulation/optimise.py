@@ -14,6 +14,7 @@ from rich.table import Table
 
 from dtwin.api.simulation import judging_arms, objective_of
 from dtwin.commands.frame import WorkforceOption
+from dtwin.commands.simulation.optimise_arm import other_cell, search_arm
 from dtwin.controller.runtime import RuntimeOption
 from dtwin.controller.settings import APPLICATION_LAW, ControlSettings, usual_gains
 from dtwin.errors import ParameterError
@@ -81,11 +82,17 @@ class Optimise(CellFileOption, RuntimeOption, WorkforceOption):
     """Write the settings found to this JSON file, for dtwin upload."""
     json: bool = False
     """Print one JSON object on standard output and nothing else."""
+    arm: str | None = None
+    """Another arm: a name of arms/, its file (*.toml), or a model. Its pole, observer and speed are sought; terms of
+    --cost are time, tracking, energy and command, --arms are drawn from its tolerances, --box is a load on the tool
+    that the blocks do not know of."""
 
     def execute(self) -> int:
         for path, ending in ((self.plot, PICTURE), (self.save, ".json")):
             if path is not None:
                 ensure_writable(path, ending)
+        if (cell := other_cell(self)) is not None:
+            return search_arm(cell, self, dict(map(_weight, self.cost)))
         workforce = self.workforce()
         check_search(self.target_time, self.candidates)
         objective = self._objective()

@@ -10,7 +10,7 @@ import numpy as np
 from dtwin.arm.chain import Arm, Array
 from dtwin.arm.poses import MOST, Poses, drawn_poses
 from dtwin.controller.chain.application import Control
-from dtwin.equations.rigid import regressor
+from dtwin.equations.rigid import inverse_dynamics, regressor
 from dtwin.errors import ParameterError
 from dtwin.run.chain import path_of
 
@@ -61,9 +61,24 @@ def excitation(
     if best is None:
         raise ParameterError(
             f"arm {arm.name}: expected motions within {_SHARE:.0%} of what its drives give, none of {candidates} is: "
-            "lower the accelerations in its file"
+            + _remedy(arm, generator)
         )
     return best
+
+
+def _remedy(arm: Arm, generator: np.random.Generator) -> str:
+    """What to change where every motion asks too much: not the accelerations where drives hardly hold the arm."""
+    poses = drawn_poses(arm, MOST, generator, _RANGE).positions
+    rest = np.zeros_like(poses)
+    needed = np.abs(inverse_dynamics(arm, poses, rest, rest)).max(axis=0)
+    for joint, most in zip(arm.joints, needed, strict=True):
+        if most > _SHARE * joint.largest:
+            unit = "N m" if joint.turns else "N"
+            return (
+                f"{joint.name} gives {joint.largest:.3g} {unit} and needs {most:.3g} {unit} to hold the arm at some "
+                "poses: correct limit, constant or effort, or narrow lower and upper"
+            )
+    return "lower the accelerations in its file"
 
 
 def _judged(arm: Arm, poses: Poses, seconds: float, unit: Array) -> tuple[float, int, int]:

@@ -99,7 +99,14 @@ class ArmOutcome:
 
 
 def work_on_twin(
-    settings: ChainSettings, model: ArmModel, start: Array, change: ArmChange, duration: float
+    settings: ChainSettings,
+    model: ArmModel,
+    start: Array,
+    change: ArmChange,
+    duration: float,
+    *,
+    real: Arm | None = None,
+    after: float = np.inf,
 ) -> ArmOutcome:
     """Lets the twin do what an arm has to do, from where it rests.
 
@@ -109,6 +116,8 @@ def work_on_twin(
         start: positions at the beginning, (n,), rad or m.
         change: what is otherwise.
         duration: plant time, s.
+        real: what the twin is, if it is something else than the model by which its blocks reckon.
+        after: the work ends so long after the last pose was reached, s.
 
     Raises:
         ParameterError: the model is out of bounds, or the load is more than the arm can hold.
@@ -120,18 +129,18 @@ def work_on_twin(
         raise ParameterError(f"payload: expected 0 to {settings.arm.most_load:g} kg, got {change.payload:g}")
     control = _control(settings.control, change)
     blocks = ChainController(len(known), inputs(known, usual_inertia(known), control, settings.poses))
-    real = holding(with_model(settings.arm, model), change.payload)
-    dry = _friction(real)
-    steps = max(STEPS, int(np.ceil(width_of(real, known.period) / (_RATE * dry.width))))
-    plant = NativeChain(real).moving(start, np.zeros(len(known)), dry)
-    constant = np.array([joint.actuator.constant or 1.0 for joint in known.joints])
+    twin = holding(with_model(settings.arm, model) if real is None else real, change.payload)
+    dry = _friction(twin)
+    steps = max(STEPS, int(np.ceil(width_of(twin, known.period) / (_RATE * dry.width))))
+    plant = NativeChain(twin).moving(start, np.zeros(len(known)), dry)
+    constant = np.array([joint.actuator.constant or 1.0 for joint in twin.joints])
     limit = np.array([joint.largest / abs(joint.actuator.constant or 1.0) for joint in known.joints])
     grid = np.array([joint.step for joint in known.joints])
     marks = np.where(grid > 0.0, grid, 1.0)
     ticks = max(1, round(duration / known.period))
     rows = np.zeros((3, ticks, len(known)))
     waiting = [np.zeros(len(known))] * settings.late
-    reached = set()
+    reached, rest = set(), 0.0
     for k in range(ticks):
         read = np.where(grid > 0.0, marks * np.floor(plant.q / marks + 0.5), plant.q)
         command: Array = np.array(blocks.step(read.tolist()))
@@ -141,18 +150,31 @@ def work_on_twin(
         plant.advance(constant * waiting.pop(0), known.period / steps, steps)
         if not np.isfinite(plant.q).all():
             raise DivergenceError(f"the twin of {known.name}", (k + 1) * known.period, plant.q)
+        rest = rest + known.period if blocks.done else 0.0
+        if rest > after:
+            ticks = k + 1
+            break
     t: Array = np.arange(ticks, dtype=np.float64) * known.period
-    return ArmOutcome(t, rows[0], rows[1], rows[2], blocks.stop, len(reached) - 1 + blocks.done)
+    q, target, commands = rows[:, :ticks]
+    return ArmOutcome(t, q, target, commands, blocks.stop, len(reached) - 1 + blocks.done)
 
 
-def loops_of(settings: ChainSettings, model: ArmModel, change: ArmChange) -> tuple[JointMargins, ...]:
+def loops_of(
+    settings: ChainSettings, model: ArmModel, change: ArmChange, real: Arm | None = None
+) -> tuple[JointMargins, ...]:
     """The margins of the loop of each joint with what is otherwise, at a few drawn poses.
+
+    Args:
+        settings: the run of the cell.
+        model: what the arm is as the twin knows it.
+        change: what is otherwise.
+        real: what the arm is, if it is something else than the model.
 
     Raises:
         ParameterError: the model is out of bounds.
     """
-    real = holding(check_model(settings.arm, model), change.payload)
-    return margins(real, _control(settings.control, change), _POSES, late=settings.late)
+    arm = holding(check_model(settings.arm, model) if real is None else real, change.payload)
+    return margins(arm, _control(settings.control, change), _POSES, late=settings.late)
 
 
 def _control(control: Control, change: ArmChange) -> Control:

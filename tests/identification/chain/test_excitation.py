@@ -41,6 +41,14 @@ def test_an_arm_whose_drives_are_too_weak_is_told() -> None:
         excitation(weak, 5.0, 2)
 
 
+def test_a_drive_that_hardly_holds_the_arm_is_named_instead_of_its_acceleration() -> None:
+    arm = arm_of("six-axis")
+    joints = list(arm.joints)
+    joints[1] = replace(joints[1], effort=60.0)
+    with pytest.raises(ParameterError, match=f"{joints[1].name} gives 60 N m and needs .* to hold the arm"):
+        excitation(replace(arm, joints=tuple(joints)), 5.0, 2)
+
+
 @pytest.mark.thorough
 def test_drawn_machines_are_identified_from_designed_motion(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
