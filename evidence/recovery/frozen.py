@@ -178,7 +178,7 @@ class ExperimentFrozen(SeriesCommand[list[FrozenOutcome]]):
 
     name: ClassVar = "frozen"
 
-    first: int = 72001
+    first: int = 73501
     """Number of the first machine; the others have the next ones."""
     machines: int = 10
     """Number of machines."""
