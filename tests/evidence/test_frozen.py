@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from evidence.recovery.frozen import HELD, Frozen, FrozenOutcome, freeze, frozen_report
+from evidence.recovery.frozen import FAST, HELD, Frozen, FrozenOutcome, freeze, frozen_report
 
 
 @pytest.mark.parametrize(("moment", "box"), [(12.3, True), (13.0, True), (15.6, False)])
@@ -14,6 +14,13 @@ def test_a_run_tells_whether_a_box_was_held_and_what_became_of_the_arm(moment: f
     assert found.stopped_s is not None
     assert found.torque_off_s is None or found.torque_off_s > found.stopped_s
     assert found.held == (found.torque_off_s is None and found.moved <= HELD)
+
+
+@pytest.mark.parametrize("moment", [12.3, 12.65, 13.0])
+def test_an_arm_whose_codes_repeat_also_when_they_are_healthy_is_held_where_one_stops(moment: float) -> None:
+    found = freeze(Frozen(73505, 1, 3, moment))
+    assert found.held
+    assert found.fastest < FAST
 
 
 def test_the_page_counts_runs_by_encoder_and_box() -> None:
