@@ -43,10 +43,13 @@ def test_zenoh_works_in_one_thread_of_a_service() -> None:
     code = (
         "from pathlib import Path\n"
         "from dtwin.services.service import Link, Service\n"
+        "from tests.support.waiting import until\n"
+        "def names():\n"
+        "    return {(task / 'comm').read_text().strip() for task in Path('/proc/self/task').iterdir()}\n"
         f"with Service('console', Link(meet='tcp/127.0.0.1:{free_port()}')) as service:\n"
         "    service.ready()\n"
-        "    names = {(task / 'comm').read_text().strip() for task in Path('/proc/self/task').iterdir()}\n"
-        "    print(*sorted(names))\n"
+        "    until(lambda: 'app-0' in names(), 'a thread has its name')\n"
+        "    print(*sorted(names()))\n"
     )
     said = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=60)
     names = set(said.stdout.split())
