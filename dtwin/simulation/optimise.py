@@ -73,6 +73,8 @@ class _Scored(Protocol):
     def terms(self) -> dict[str, float]: ...
     @property
     def broken(self) -> str: ...
+    @property
+    def cost(self) -> float: ...
 
 
 def front_of(scores: Iterable[Scored], *terms: str) -> list[Scored]:
@@ -118,36 +120,63 @@ def optimise(
         raise ParameterError(f"the settings in use cannot be compared with: {reference.broken}")
     objective = replace(objective, reference=reference.terms)
     lower, upper = _bounds(low, high, base.gains)
-    scores: list[CandidateScore] = []
+    present = np.log(np.maximum([base.target_time, *base.gains.kp, *base.gains.ki, *base.gains.kd], np.exp(lower)))
 
-    def judge(workers: Workers, _: Any, rows: Iterable[Array]) -> list[float]:
-        points = [tuple(row.tolist()) for row in np.atleast_2d(np.array(list(rows)))]
+    def judge(workers: Workers, points: list[list[float]]) -> list[CandidateScore]:
         shares = _shares(points, workers.count)
         judged = workers.map(partial(_judge_all, objective), shares, name=lambda share: f"{len(share)} candidates")
-        found = [each for share in judged for each in share]
+        return [each for share in judged for each in share]
+
+    with Workers(workforce) as workers:
+        if workers.count > 1:
+            workers.map(partial(_judge_all, objective), [[lower.tolist()]] * (2 * workers.count))
+        began = time.perf_counter()
+        start = first_generation(lower, upper, present, POPULATION, seed)
+        scores = evolve(partial(judge, workers), (lower, upper), start, candidates, seed, between)
+        seconds = time.perf_counter() - began
+    return Optimum(min(scores, key=lambda found: found.cost), reference, scores, seconds)
+
+
+def evolve(
+    judge: Callable[[list[list[float]]], list[Scored]],
+    bounds: tuple[Array, Array],
+    start: Array,
+    candidates: int,
+    seed: int,
+    between: Callable[[int, float], None],
+) -> tuple[Scored, ...]:
+    """Lets generations of candidates evolve towards least cost; returns all evaluations in their order.
+
+    Args:
+        judge: evaluates points, in their order.
+        bounds: least and largest point, (v,) each.
+        start: the first generation, (p, v).
+        candidates: number of candidates to evaluate, rounded to whole generations.
+        seed: number of the random generator.
+        between: called after every generation with the number of candidates evaluated and the least cost.
+    """
+    from scipy.optimize import differential_evolution  # loaded for a search alone, as what draws its start is
+
+    scores: list[Scored] = []
+
+    def generation(_: Any, rows: Iterable[Array]) -> list[float]:
+        found = judge([row.tolist() for row in np.atleast_2d(np.array(list(rows)))])
         scores.extend(found)
         between(len(scores), min(each.cost for each in scores))
         return [each.cost for each in found]
 
-    from scipy.optimize import differential_evolution  # loaded for a search alone, as what draws its start is
-
-    with Workers(workforce) as workers:
-        if workers.count > 1:
-            workers.map(partial(_judge_all, objective), [[tuple(lower.tolist())]] * (2 * workers.count))
-        began = time.perf_counter()
-        differential_evolution(
-            _unused,
-            list(zip(lower, upper, strict=True)),
-            init=_first_generation(lower, upper, base.target_time, base.gains, seed),
-            maxiter=candidates // POPULATION - 1,
-            tol=0.0,
-            updating="deferred",
-            workers=partial(judge, workers),
-            polish=False,
-            rng=seed,
-        )
-        seconds = time.perf_counter() - began
-    return Optimum(min(scores, key=lambda found: found.cost), reference, tuple(scores), seconds)
+    differential_evolution(
+        _unused,
+        list(zip(*bounds, strict=True)),
+        init=start,
+        maxiter=candidates // len(start) - 1,
+        tol=0.0,
+        updating="deferred",
+        workers=generation,
+        polish=False,
+        rng=seed,
+    )
+    return tuple(scores)
 
 
 def _shares(points: Sequence[Sequence[float]], workers: int) -> list[list[Sequence[float]]]:
@@ -181,17 +210,23 @@ def _bounds(low: float, high: float, gains: Gains) -> tuple[Array, Array]:
     return np.log([low, *lower]), np.log([high, *np.maximum(most, 2.0 * in_use)])
 
 
-def _first_generation(lower: Array, upper: Array, target_time: float, gains: Gains, seed: int) -> Array:
-    """The first generation, (POPULATION, 10), starting with the settings in use.
+def first_generation(lower: Array, upper: Array, present: Array, population: int, seed: int) -> Array:
+    """The first generation, (population, v), natural logarithms, starting with the settings in use.
 
     One half of the others lies within a factor of two of these settings, the other half anywhere within the bounds.
+
+    Args:
+        lower: lower bounds, (v,).
+        upper: upper bounds, (v,).
+        present: settings in use, (v,).
+        population: number of candidates in a generation.
+        seed: number of the random generator.
     """
     from scipy.stats import qmc
 
-    spread = qmc.LatinHypercube(len(lower), rng=seed).random(POPULATION)
+    spread = qmc.LatinHypercube(len(lower), rng=seed).random(population)
     rows: Array = lower + spread * (upper - lower)
-    present = np.log(np.maximum([target_time, *gains.kp, *gains.ki, *gains.kd], np.exp(lower)))
-    near = POPULATION // 2
+    near = population // 2
     rows[:near] = present + (2.0 * spread[:near] - 1.0) * math.log(2.0)
     rows[0] = present
     return np.clip(rows, lower, upper)

@@ -8,10 +8,10 @@ dtwin/simulation/optimise.py. Equal seeds give equal results, whoever does the w
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any, Final
+from typing import Final
 
 import msgspec
 import numpy as np
@@ -27,7 +27,7 @@ from dtwin.simulation.chain.checks import OBSERVERS, POLES, SLOWEST, tuning_prob
 from dtwin.simulation.chain.whatif import ArmChange, ArmOutcome, loops_of, work_on_twin
 from dtwin.simulation.figures import SETTLED_BAND, SETTLED_SHARE
 from dtwin.simulation.objective import SETTLING, UNUSABLE
-from dtwin.simulation.optimise import front_of
+from dtwin.simulation.optimise import evolve, first_generation, front_of
 
 TERMS: Final = ("time", "tracking", "energy", "command")
 """Terms of the cost: time until the arm has settled in the last pose (s), largest distance of a joint from its path
@@ -167,31 +167,16 @@ def optimise_arm(
         raise ParameterError(f"the settings in use cannot be compared with: {reference.broken}")
     objective = replace(objective, reference=reference.terms)
     lower, upper = _bounds(objective.settings)
-    scores: list[ArmScore] = []
+    present = np.log([in_use.pole, in_use.observer, in_use.speed])
 
-    def judge(workers: Workers, _: Any, rows: Iterable[Array]) -> list[float]:
-        points = [_tuning(row.tolist()) for row in np.atleast_2d(np.array(list(rows)))]
-        found = workers.map(partial(score, objective), points)
-        scores.extend(found)
-        between(len(scores), min(each.cost for each in scores))
-        return [each.cost for each in found]
-
-    from scipy.optimize import differential_evolution  # loaded for a search alone
+    def judge(workers: Workers, points: list[list[float]]) -> list[ArmScore]:
+        return workers.map(partial(score, objective), [_tuning(point) for point in points])
 
     began = time.perf_counter()
     with Workers(workforce) as workers:
-        differential_evolution(
-            _unused,
-            list(zip(lower, upper, strict=True)),
-            init=_first_generation(lower, upper, in_use, seed),
-            maxiter=candidates // POPULATION - 1,
-            tol=0.0,
-            updating="deferred",
-            workers=partial(judge, workers),
-            polish=False,
-            rng=seed,
-        )
-    return ArmOptimum(min(scores, key=lambda one: one.cost), reference, tuple(scores), time.perf_counter() - began)
+        start = first_generation(lower, upper, present, POPULATION, seed)
+        scores = evolve(partial(judge, workers), (lower, upper), start, candidates, seed, between)
+    return ArmOptimum(min(scores, key=lambda one: one.cost), reference, scores, time.perf_counter() - began)
 
 
 def once(settings: ChainSettings) -> ChainSettings:
@@ -295,24 +280,7 @@ def _bounds(settings: ChainSettings) -> tuple[Array, Array]:
     return low, high
 
 
-def _first_generation(lower: Array, upper: Array, tuning: ArmTuning, seed: int) -> Array:
-    """The first generation, (POPULATION, 3): the settings in use, and half of the others near them."""
-    from scipy.stats import qmc
-
-    spread = qmc.LatinHypercube(len(lower), rng=seed).random(POPULATION)
-    rows: Array = lower + spread * (upper - lower)
-    present = np.log([tuning.pole, tuning.observer, tuning.speed])
-    near = POPULATION // 2
-    rows[:near] = present + (2.0 * spread[:near] - 1.0) * np.log(2.0)
-    rows[0] = present
-    return np.clip(rows, lower, upper)
-
-
 def _tuning(row: list[float]) -> ArmTuning:
     """The tuning of a point, rounded, so that it can be shown and typed as it is."""
     pole, observer, speed = np.exp(row).tolist()
     return ArmTuning(round(pole, 1), round(observer), min(1.0, round(speed, 2)))
-
-
-def _unused(_: Array) -> float:
-    raise AssertionError("generations are judged as a whole")
