@@ -8,6 +8,10 @@
 #include "chain.h"
 #include <math.h>
 
+#define TANH_IS_ONE 19.0 /* tanh of more is 1 */
+#define CONVERGED 1e-15
+#define BALANCED 1e-9 /* of the largest friction */
+enum { MOST_TURNS = 100 };
 enum { R = 0, P = 9, M = 12, H = 13, J = 16, TURNS = 22, ROTOR = 23, VISCOUS = 24, SIZE = 25 };
 
 static void cross(const double *a, const double *b, double *c)
@@ -161,82 +165,157 @@ static void masses(int n, const double *links, double (*e)[9], double (*d)[3], d
     }
 }
 
-void chain_forward(int n, const double *links, const double *gravity, const double *q, const double *qd,
-                   const double *tau, double *qdd)
+/* Torques of the motion without acceleration, and the factor of the mass matrix with rotors, its lower triangle. */
+static void factor(int n, const double *links, const double *gravity, const double *q, const double *qd,
+                   double (*lower)[MOST], double *h)
 {
-    double e[MOST][9], d[MOST][3], mass[MOST][MOST], h[MOST];
+    double e[MOST][9], d[MOST][3];
     for (int i = 0; i < n; i++)
         place(links + SIZE * i, q[i], e[i], d[i]);
     bias(n, links, gravity, e, d, qd, h);
-    masses(n, links, e, d, mass);
+    masses(n, links, e, d, lower);
     for (int i = 0; i < n; i++) {
-        double rest = tau[i] - h[i] - links[SIZE * i + VISCOUS] * qd[i];
         for (int k = 0; k <= i; k++) {
-            double sum = mass[i][k];
+            double sum = lower[i][k];
             for (int l = 0; l < k; l++)
-                sum -= mass[i][l] * mass[k][l];
-            mass[i][k] = k == i ? sqrt(sum) : sum / mass[k][k];
+                sum -= lower[i][l] * lower[k][l];
+            lower[i][k] = k == i ? sqrt(sum) : sum / lower[k][k];
         }
+    }
+    for (int i = 0; i < n; i++)
+        h[i] += links[SIZE * i + VISCOUS] * qd[i];
+}
+
+/* x from L L^T x = y; both may be one. */
+static void solve(int n, double (*lower)[MOST], const double *y, double *x)
+{
+    for (int i = 0; i < n; i++) {
+        double rest = y[i];
         for (int k = 0; k < i; k++)
-            rest -= mass[i][k] * qdd[k];
-        qdd[i] = rest / mass[i][i];
+            rest -= lower[i][k] * x[k];
+        x[i] = rest / lower[i][i];
     }
     for (int i = n - 1; i >= 0; i--) {
         for (int k = i + 1; k < n; k++)
-            qdd[i] -= mass[k][i] * qdd[k];
-        qdd[i] /= mass[i][i];
+            x[i] -= lower[k][i] * x[k];
+        x[i] /= lower[i][i];
     }
 }
 
-/* Torques less dry friction, which is smooth over a width of velocity. */
-static void opposed(int n, const double *tau, const double *qd, const struct dry *dry, double *left)
+void chain_forward(int n, const double *links, const double *gravity, const double *q, const double *qd,
+                   const double *tau, double *qdd)
 {
-    for (int i = 0; i < n; i++) {
-        const double friction = dry->coulomb[i] + dry->share[i] * dry->carried[i];
-        left[i] = tau[i] - (friction != 0.0 ? friction * tanh(qd[i] / dry->width) : 0.0);
-    }
+    double lower[MOST][MOST], h[MOST], rest[MOST];
+    factor(n, links, gravity, q, qd, lower, h);
+    for (int i = 0; i < n; i++)
+        rest[i] = tau[i] - h[i];
+    solve(n, lower, rest, qdd);
 }
 
-/* What the gears carry to the links: torques less all friction and what the rotors need for the accelerations a. */
-static void carry(int n, const double *links, const double *tau, const double *qd, const double *a,
-                  const struct dry *dry)
-{
-    double left[MOST];
-    opposed(n, tau, qd, dry, left);
-    for (int i = 0; i < n; i++) {
-        const double *link = links + SIZE * i;
-        dry->carried[i] = fabs(left[i] - link[VISCOUS] * qd[i] - link[ROTOR] * a[i]);
-    }
-}
+static double dry_torque(const struct dry *dry, int i) { return dry->coulomb[i] + dry->share[i] * dry->carried[i]; }
 
 void chain_accelerate(int n, const double *links, const double *gravity, const double *q, const double *qd,
                       const double *tau, const struct dry *dry, double *qdd)
 {
     double left[MOST];
-    if (!dry) {
-        chain_forward(n, links, gravity, q, qd, tau, qdd);
-        return;
+    for (int i = 0; i < n; i++) {
+        const double most = dry ? dry_torque(dry, i) : 0.0;
+        left[i] = tau[i] - (most != 0.0 ? most * tanh(qd[i] / dry->width) : 0.0);
     }
-    opposed(n, tau, qd, dry, left);
     chain_forward(n, links, gravity, q, qd, left, qdd);
 }
 
+/* v from v + k tanh(v / w) = c. Newton's method from the side from which it does not pass the root: beyond 0 the
+ * function is concave, and both v = c - k and the root of its tangent at 0 are below its root. */
+static double opposed(double c, double k, double w)
+{
+    const double size = fabs(c);
+    double v = fmax(size - k, size / (1.0 + k / w));
+    for (int turn = 0; turn < 50 && v < TANH_IS_ONE * w; turn++) {
+        const double t = tanh(v / w), change = (size - v - k * t) / (1.0 + k / w * (1.0 - t * t));
+        v += change;
+        if (fabs(change) <= CONVERGED * (size + w))
+            break;
+    }
+    return copysign(v, c);
+}
+
+/* Friction that is constant in a step and belongs to the velocities at its end, v = v0 + M^-1 (y - f) step with
+ * f = F tanh(v / w), so that a joint can stand still in steps of any length. Solved joint by joint, in turn. */
+static void friction(int n, double (*lower)[MOST], const double *y, const double *qd, const struct dry *dry,
+                     double step, double *f)
+{
+    double a[MOST][MOST], v[MOST];
+    for (int k = 0; k < n; k++) {
+        double unit[MOST] = {0};
+        unit[k] = step;
+        solve(n, lower, unit, a[k]);
+        f[k] = dry_torque(dry, k) * tanh(qd[k] / dry->width);
+    }
+    for (int i = 0; i < n; i++) {
+        v[i] = qd[i];
+        for (int k = 0; k < n; k++)
+            v[i] += a[i][k] * (y[k] - f[k]);
+    }
+    for (int turn = 0; turn < MOST_TURNS; turn++) {
+        double moved = 0.0;
+        for (int i = 0; i < n; i++) {
+            const double most = dry_torque(dry, i), free = v[i] + a[i][i] * f[i];
+            const double now = (free - opposed(free, a[i][i] * most, dry->width)) / a[i][i], change = now - f[i];
+            if (most == 0.0 || fabs(change) <= CONVERGED * most)
+                continue;
+            f[i] = now;
+            for (int k = 0; k < n; k++)
+                v[k] -= a[k][i] * change;
+            moved = fmax(moved, fabs(change) / most);
+        }
+        if (moved <= BALANCED)
+            break;
+    }
+}
+
+/* What a step begins with: friction, which is taken from the torques, the accelerations, and what the gears carry. */
+static void begin(int n, const double *links, const double *gravity, const double *q, const double *qd,
+                  const struct dry *dry, double step, double *tau, double *qdd)
+{
+    double lower[MOST][MOST], h[MOST], rest[MOST], f[MOST];
+    factor(n, links, gravity, q, qd, lower, h);
+    for (int i = 0; i < n; i++)
+        rest[i] = tau[i] - h[i];
+    friction(n, lower, rest, qd, dry, step, f);
+    for (int i = 0; i < n; i++) {
+        tau[i] -= f[i];
+        rest[i] -= f[i];
+    }
+    solve(n, lower, rest, qdd);
+    for (int i = 0; i < n; i++) {
+        const double *link = links + SIZE * i;
+        dry->carried[i] = fabs(tau[i] - link[VISCOUS] * qd[i] - link[ROTOR] * qdd[i]);
+    }
+}
+
 /* Steps of the Runge-Kutta method of fourth order under constant torques; q and qd go on. Friction that grows with the
- * load follows the torque that each gear carries to its link at the beginning of a step. */
+ * load follows the torque that each gear carried to its link at the beginning of the step before. */
 void chain_advance(int n, const double *links, const double *gravity, double *q, double *qd, const double *tau,
                    const struct dry *dry, double step, int steps)
 {
+    static const double parts[4] = {0.0, 0.5, 0.5, 1.0};
     for (int s = 0; s < steps; s++) {
-        double a[4][MOST], v[4][MOST], x[MOST];
-        for (int k = 0; k < 4; k++) {
-            const double part = k == 0 ? 0.0 : k == 3 ? step : 0.5 * step;
+        double a[4][MOST], v[4][MOST], x[MOST], left[MOST];
+        for (int i = 0; i < n; i++) {
+            v[0][i] = qd[i];
+            left[i] = tau[i];
+        }
+        if (dry)
+            begin(n, links, gravity, q, qd, dry, step, left, a[0]);
+        else
+            chain_forward(n, links, gravity, q, qd, left, a[0]);
+        for (int k = 1; k < 4; k++) {
             for (int i = 0; i < n; i++) {
-                x[i] = q[i] + (k ? part * v[k - 1][i] : 0.0);
-                v[k][i] = qd[i] + (k ? part * a[k - 1][i] : 0.0);
+                x[i] = q[i] + parts[k] * step * v[k - 1][i];
+                v[k][i] = qd[i] + parts[k] * step * a[k - 1][i];
             }
-            chain_accelerate(n, links, gravity, x, v[k], tau, dry, a[k]);
-            if (dry && k == 0)
-                carry(n, links, tau, v[0], a[0], dry);
+            chain_forward(n, links, gravity, x, v[k], left, a[k]);
         }
         for (int i = 0; i < n; i++) {
             q[i] += step / 6.0 * (v[0][i] + 2.0 * v[1][i] + 2.0 * v[2][i] + v[3][i]);

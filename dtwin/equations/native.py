@@ -17,15 +17,16 @@ import numpy as np
 from dtwin.arm.chain import Arm, Array, aligned
 from dtwin.errors import ModelError
 from iec61499.native.build import load
-from iec61499.native.unit import Unit
 
 _FOLDER: Final = Path(__file__).parent
-_NAME: Final = "chain"
+_FILES: Final = ("chain.h", "chain.c", "closed_loop.h", "closed_loop.c")
 _MOST: Final = 32
 _SIZE: Final = 25
 """Numbers of a link; see chain.c."""
 
 
+_FLAGS: Final = ("-std=c99", "-O3", "-fPIC", "-shared", "-ffp-contract=off", "-fno-math-errno")
+"""Of the C compiler: it may reorder operations, but not change what they give."""
 _WIDTH: Final = 0.01
 """Least velocity over which dry friction changes its sign, rad/s or m/s."""
 
@@ -36,6 +37,11 @@ class NativeChain:
     Args:
         arm: the chain; viscous friction and rotors are part of its equations.
 
+    Attributes:
+        library: the machine code.
+        links: numbers of the links as it reads them, (n, 25).
+        gravity: acceleration of gravity, (3,), m/s^2.
+
     Raises:
         NativeError: there is no C compiler.
         ModelError: the arm has too many joints.
@@ -44,18 +50,16 @@ class NativeChain:
     def __init__(self, arm: Arm) -> None:
         if len(arm) > _MOST:
             raise ModelError(f"arm {arm.name}: expected at most {_MOST} joints, got {len(arm)}")
-        self._library = _library()
+        self.library = _library()
         self._n = len(arm)
-        self._links = _numbers(arm)
-        self._gravity = np.ascontiguousarray(arm.gravity, dtype=np.float64)
+        self.links = _numbers(arm)
+        self.gravity = np.ascontiguousarray(arm.gravity, dtype=np.float64)
 
     def forward_dynamics(self, q: Array, qd: Array, tau: Array) -> Array:
         """The accelerations of N states under torques of the drives, (N, n) each, by friction and rotors too."""
         q, qd, tau = (self._rows(values) for values in (q, qd, tau))
         found = np.empty_like(q)
-        self._library.chain_forward_many(
-            len(q), self._n, *map(_pointer, (self._links, self._gravity, q, qd, tau, found))
-        )
+        self.library.chain_forward_many(len(q), self._n, *map(pointer, (self.links, self.gravity, q, qd, tau, found)))
         return found
 
     def rollout(self, q: Array, qd: Array, tau: Array, step: float, steps: int) -> tuple[Array, Array]:
@@ -74,19 +78,19 @@ class NativeChain:
         tau = self._rows(tau)
         q, qd = (np.array(values, dtype=np.float64) for values in (q, qd))
         positions, velocities = np.empty_like(tau), np.empty_like(tau)
-        self._library.chain_rollout(
+        self.library.chain_rollout(
             len(tau),
             self._n,
-            *map(_pointer, (self._links, self._gravity, q, qd, tau)),
+            *map(pointer, (self.links, self.gravity, q, qd, tau)),
             ctypes.c_double(step),
             steps,
-            *map(_pointer, (positions, velocities)),
+            *map(pointer, (positions, velocities)),
         )
         return np.vstack([positions, q]), np.vstack([velocities, qd])
 
     def moving(self, q: Array, qd: Array, dry: DryFriction | None = None) -> MovingChain:
         """The arm in motion from a state on, (n,) each."""
-        return MovingChain(self._library, (self._links, self._gravity), q, qd, dry)
+        return MovingChain(self.library, (self.links, self.gravity), q, qd, dry)
 
     def _rows(self, values: Array) -> Array:
         return np.ascontiguousarray(values, dtype=np.float64).reshape(-1, self._n)
@@ -107,7 +111,9 @@ class DryFriction:
     width: float
 
 
-class _Dry(ctypes.Structure):
+class Dry(ctypes.Structure):
+    """Dry friction as the machine code reads it."""
+
     _fields_ = (
         ("coulomb", ctypes.c_void_p),
         ("share", ctypes.c_void_p),
@@ -137,19 +143,22 @@ class MovingChain:
         self.q, self.qd = (np.array(values, dtype=np.float64) for values in (q, qd))
         self._torque = np.zeros_like(self.q)
         self._advance = library.chain_advance
-        kept = [*numbers, self.q, self.qd, self._torque]
-        self._dry = None
-        if dry is not None:
-            rows = [np.array(values, dtype=np.float64) for values in (dry.coulomb, dry.share, np.zeros_like(self.q))]
-            kept += rows
-            self._dry = _Dry(*(row.ctypes.data for row in rows), dry.width)
-        self._kept = kept  # the machine code has their addresses
-        self._where = [len(self.q), *map(_pointer, kept[:5]), None if self._dry is None else ctypes.byref(self._dry)]
+        given = [*numbers, self.q, self.qd, self._torque]
+        friction, rows = (None, ()) if dry is None else dry_of(dry)
+        self._kept = given, friction, rows  # the machine code has their addresses
+        self._where = [len(self.q), *map(pointer, given), None if friction is None else ctypes.byref(friction)]
 
     def advance(self, torque: Array, step: float, steps: int) -> None:
         """Some steps of the Runge-Kutta method of fourth order under torques of the drives, (n,), that are held."""
         self._torque[:] = torque
         self._advance(*self._where, ctypes.c_double(step), steps)
+
+
+def dry_of(dry: DryFriction) -> tuple[Dry, tuple[Array, ...]]:
+    """Dry friction of an arm whose gears carry nothing yet, as the machine code reads it, and what has to be kept."""
+    given = (dry.coulomb, dry.share, np.zeros_like(dry.coulomb))
+    rows = tuple(np.array(values, dtype=np.float64) for values in given)
+    return Dry(*(row.ctypes.data for row in rows), dry.width), rows
 
 
 def _numbers(arm: Arm) -> Array:
@@ -180,11 +189,14 @@ def width_of(arm: Arm, step: float) -> float:
     return float(max(widths))
 
 
-def _pointer(values: Array) -> ctypes.c_void_p:
+def pointer(values: Array) -> ctypes.c_void_p:
+    """Where values are, for machine code."""
     return ctypes.c_void_p(values.ctypes.data)
 
 
 @lru_cache(maxsize=1)
 def _library() -> ctypes.CDLL:
-    source, header = ((_FOLDER / f"{_NAME}.{ending}").read_text() for ending in "ch")
-    return load(source + header, _NAME, lambda: Unit(header, source))
+    texts = {name: (_FOLDER / name).read_text() for name in _FILES}
+    found = load("".join(texts.values()), "chain", lambda: texts, _FLAGS)
+    found.closed_loop_run.restype = ctypes.c_int64
+    return found

@@ -71,13 +71,16 @@ def compilers() -> Iterator[Compiler]:
         yield Compiler((sys.executable, "-m", "ziglang", "cc"), identity)
 
 
-def load(subject: str, name: str, make: Callable[[], Unit]) -> ctypes.CDLL:
+def load(
+    subject: str, name: str, make: Callable[[], Mapping[str, str]], flags: tuple[str, ...] = FLAGS
+) -> ctypes.CDLL:
     """The machine code of a unit.
 
     Args:
         subject: what the unit is made from, all of it; equal texts have equal units.
         name: the unit's name.
-        make: makes the unit when its machine code is not kept.
+        make: makes the texts of its C files, by their names, when its machine code is not kept.
+        flags: how it is compiled.
 
     Raises:
         NativeError: there is no compiler, or its result cannot be used.
@@ -85,10 +88,10 @@ def load(subject: str, name: str, make: Callable[[], Unit]) -> ctypes.CDLL:
     """
     if os.name != "posix":
         raise NativeError("machine code: expected a POSIX system")
-    unit: Unit | None = None
+    texts: Mapping[str, str] = {}
     problems = []
     for compiler in compilers():
-        key = _key(subject, compiler)
+        key = _key(subject, compiler, flags)
         folder = _folder()
         kept = folder / f"{name}-{key}.so" if folder is not None else None
         if kept is not None and _is_intact(kept, key):
@@ -98,10 +101,10 @@ def load(subject: str, name: str, make: Callable[[], Unit]) -> ctypes.CDLL:
                 return library
             except OSError as error:
                 log.info("%s: made again: %s", kept, error)
-        unit = unit or make()
+        texts = texts or make()
         try:
             with _workshop(folder) as place:
-                made = compile_unit(unit, name, compiler, place)
+                made = compile_files(texts, f"{name}.so", compiler, place, flags)
                 made.write_bytes(_sealed(made.read_bytes(), key))
                 library = ctypes.CDLL(str(made))
                 if kept is not None:
@@ -116,9 +119,9 @@ def load(subject: str, name: str, make: Callable[[], Unit]) -> ctypes.CDLL:
     )
 
 
-def _key(subject: str, compiler: Compiler) -> str:
+def _key(subject: str, compiler: Compiler, flags: tuple[str, ...]) -> str:
     digest = _sources().copy()
-    for part in (platform.machine(), compiler.identity, *FLAGS, subject):
+    for part in (platform.machine(), compiler.identity, *flags, subject):
         digest.update(part.encode("utf-8", "surrogateescape") + b"\0")
     return digest.hexdigest()
 

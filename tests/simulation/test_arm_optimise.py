@@ -17,7 +17,8 @@ from dtwin.errors import ParameterError
 from dtwin.run.arm_cell import ArmCell
 from dtwin.run.chain import ChainSettings, run
 from dtwin.simulation.chain.optimise import ArmLimits, ArmObjective, once, optimise_arm, score, terms_of
-from dtwin.simulation.chain.whatif import ArmChange, work_on_twin
+from dtwin.simulation.chain.simulator import ArmSimulator
+from dtwin.simulation.chain.whatif import ArmChange
 
 HERE = Workforce(1)
 
@@ -63,7 +64,7 @@ def test_terms_are_those_of_the_emulated_arm() -> None:
 def test_energy_is_the_work_that_drives_put_in() -> None:
     given = once(settings())
     start = given.poses.positions[0]
-    outcome = work_on_twin(given, ArmModel.of(given.arm), start, ArmChange(), 60.0, after=1.0)
+    outcome = ArmSimulator(given, ArmModel.of(given.arm)).run(start, ArmChange(), 60.0, after=1.0)
     assert outcome.t[-1] < 30.0
     torque = outcome.command * np.array([joint.largest for joint in given.arm.joints])
     moved = (torque[:-1] * np.diff(outcome.q, axis=0)).sum()
@@ -75,11 +76,11 @@ def test_energy_is_the_work_that_drives_put_in() -> None:
 def test_the_twin_can_be_another_arm_than_its_blocks_know() -> None:
     given = once(settings())
     start, model = given.poses.positions[0], ArmModel.of(given.arm)
-    alike = work_on_twin(given, model, start, ArmChange(), 2.0, real=given.arm)
-    usual = work_on_twin(given, model, start, ArmChange(), 2.0)
+    alike = ArmSimulator(given, model, given.arm).run(start, ArmChange(), 2.0)
+    usual = ArmSimulator(given, model).run(start, ArmChange(), 2.0)
     assert (alike.q == usual.q).all()
     other = machine_of("5", given.arm).arm
-    apart = work_on_twin(given, model, start, ArmChange(), 2.0, real=other)
+    apart = ArmSimulator(given, model, other).run(start, ArmChange(), 2.0)
     assert np.abs(apart.error).max() > np.abs(usual.error).max()
 
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import root
 
 from dtwin.arm.chain import Arm, Array, Friction, holding
 from dtwin.arm.model import ArmModel, ArmSettings
@@ -11,12 +12,13 @@ from dtwin.bus.chain.messages import JointCommands, JointQuestion, JointSensors,
 from dtwin.emulation.chain.arms import arm_of
 from dtwin.emulation.chain.plant import ChainPlant
 from dtwin.equations.native import DryFriction, NativeChain
-from dtwin.equations.rigid import forward_dynamics
+from dtwin.equations.rigid import forward_dynamics, inverse_dynamics
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.run.arm_cell import ArmCell
 from dtwin.run.chain import ChainSettings, run
 from dtwin.simulation.chain.predicting import SPAN, Predicting
-from dtwin.simulation.chain.whatif import ArmChange, loops_of, work_on_twin
+from dtwin.simulation.chain.simulator import ArmSimulator
+from dtwin.simulation.chain.whatif import ArmChange, loops_of
 
 AS_IT_IS = ArmChange()
 
@@ -37,43 +39,66 @@ def test_without_effects_the_twin_is_the_emulation(name: str) -> None:
     arm = without_effects(given.arm)
     given = replace(given, arm=arm, machine=replace(given.machine, arm=arm))
     emulated = run(given)
-    found = work_on_twin(given, ArmModel.of(arm), given.poses.positions[0], AS_IT_IS, 4.0)
+    found = ArmSimulator(given, ArmModel.of(arm)).run(given.poses.positions[0], AS_IT_IS, 4.0)
     assert np.abs(found.q - emulated.true).max() < 1e-9
     assert np.abs(found.target - emulated.target).max() < 1e-9
 
 
-def test_dry_friction_opposes_the_motion() -> None:
-    """One step against Runge-Kutta's method in Python with the equations of rigid.py, of an arm without rotors."""
+def test_dry_friction_balances_the_velocities_at_the_end_of_a_step() -> None:
+    """Two steps against Runge-Kutta's method in Python with the equations of rigid.py, of an arm without rotors."""
     arm = without_effects(arm_of("six-axis"))
     n = len(arm)
     arm = replace(arm, joints=tuple(replace(j, actuator=replace(j.actuator, rotor=0.0)) for j in arm.joints))
     generator = np.random.default_rng(2)
-    q, qd = generator.uniform(-1.0, 1.0, (2, n))
+    q, qd = generator.uniform(-1.0, 1.0, n), generator.uniform(-0.01, 0.01, n)
     torque = generator.uniform(-50.0, 50.0, n)
     coulomb, share, width, step = generator.uniform(1.0, 5.0, n), generator.uniform(0.0, 0.1, n), 0.05, 1e-4
     viscous = np.array([joint.friction.viscous for joint in arm.joints])
-
-    def accelerations(at: Array, speed: Array, carried: Array) -> Array:
-        lost = viscous * speed + (coulomb + share * carried) * np.tanh(speed / width)
-        found: Array = forward_dynamics(arm, at[None], speed[None], (torque - lost)[None])[0]
-        return found
-
     moving = NativeChain(arm).moving(q, qd, DryFriction(coulomb, share, width))
-    moving.advance(torque, step, 1)
-    v, a = [qd], [accelerations(q, qd, np.zeros(n))]
-    for part in (0.5 * step, 0.5 * step, step):
-        at, speed = q + part * v[-1], qd + part * a[-1]
-        v.append(speed)
-        a.append(accelerations(at, speed, np.abs(torque - viscous * qd - coulomb * np.tanh(qd / width))))
-    weights = np.array([1.0, 2.0, 2.0, 1.0])[:, None] * step / 6.0
-    assert moving.q == pytest.approx(q + np.sum(weights * np.array(v), axis=0), abs=1e-9)
-    assert moving.qd == pytest.approx(qd + np.sum(weights * np.array(a), axis=0), abs=1e-9)
+    carried = np.zeros(n)
+    for _ in range(2):
+
+        def accelerations(at: Array, speed: Array, friction: Array) -> Array:
+            found: Array = forward_dynamics(arm, at[None], speed[None], (torque - viscous * speed - friction)[None])[
+                0
+            ]
+            return found
+
+        def unbalanced(
+            friction: Array, q: Array = q, qd: Array = qd, most: Array = coulomb + share * carried
+        ) -> Array:
+            return friction - most * np.tanh((qd + step * accelerations(q, qd, friction)) / width)
+
+        friction = root(unbalanced, np.zeros(n), tol=1e-13).x
+        assert unbalanced(friction) == pytest.approx(0.0, abs=1e-9)
+        v, a = [qd], [accelerations(q, qd, friction)]
+        carried = np.abs(torque - viscous * qd - friction)
+        for part in (0.5 * step, 0.5 * step, step):
+            at, speed = q + part * v[-1], qd + part * a[-1]
+            v.append(speed)
+            a.append(accelerations(at, speed, friction))
+        weights = np.array([1.0, 2.0, 2.0, 1.0])[:, None] * step / 6.0
+        q, qd = q + np.sum(weights * np.array(v), axis=0), qd + np.sum(weights * np.array(a), axis=0)
+        moving.advance(torque, step, 1)
+        assert moving.q == pytest.approx(q, abs=1e-9)
+        assert moving.qd == pytest.approx(qd, abs=1e-9)
+
+
+def test_an_arm_that_its_friction_can_hold_stands_still() -> None:
+    """Friction of 1.2 times its weight, in steps as long as a tick; its width of 1 mrad/s lets it creep slower."""
+    arm = without_effects(arm_of("six-axis"))
+    n, start = len(arm), np.full(len(arm), 0.3)
+    weight = inverse_dynamics(arm, start[None], np.zeros((1, n)), np.zeros((1, n)))[0]
+    moving = NativeChain(arm).moving(start, np.zeros(n), DryFriction(1.2 * np.abs(weight), np.zeros(n), 1e-3))
+    for _ in range(200):
+        moving.advance(np.zeros(n), arm.period, 1)
+        assert (np.abs(moving.qd) < 1.3e-3).all()
 
 
 def test_with_friction_it_follows_its_path_as_the_emulation_does() -> None:
     given = settings("six-axis")
     emulated = np.sqrt(np.mean(run(given).error ** 2, axis=0))
-    found = work_on_twin(given, ArmModel.of(given.arm), given.poses.positions[0], AS_IT_IS, 4.0)
+    found = ArmSimulator(given, ArmModel.of(given.arm)).run(given.poses.positions[0], AS_IT_IS, 4.0)
     expected = np.sqrt(np.mean(found.error**2, axis=0))
     assert (np.abs(np.log(expected / emulated)) < np.log(1.5)).all()
 
@@ -82,7 +107,7 @@ def test_softer_gains_and_loads_lead_farther_from_the_path() -> None:
     given = settings()
     model, start = ArmModel.of(given.arm), given.poses.positions[0]
     now, soft, heavy, fast = (
-        np.abs(work_on_twin(given, model, start, change, 4.0).error).max(axis=0)
+        np.abs(ArmSimulator(given, model).run(start, change, 4.0).error).max(axis=0)
         for change in (AS_IT_IS, ArmChange(pole=6.0), ArmChange(payload=0.4), ArmChange(speed=1.6))
     )
     assert (soft > now).all()
@@ -95,7 +120,7 @@ def test_softer_gains_and_loads_lead_farther_from_the_path() -> None:
 def test_a_faster_path_reaches_more_poses() -> None:
     given = settings()
     model, start = ArmModel.of(given.arm), given.poses.positions[0]
-    slow, fast = (work_on_twin(given, model, start, ArmChange(speed=s), 8.0).reached for s in (0.5, 1.5))
+    slow, fast = (ArmSimulator(given, model).run(start, ArmChange(speed=s), 8.0).reached for s in (0.5, 1.5))
     assert fast > slow
 
 
@@ -126,7 +151,7 @@ def test_a_held_mass_is_a_load_of_the_emulation() -> None:
 def test_what_is_out_of_range_is_refused(change: dict[str, float], said: str) -> None:
     given = settings()
     with pytest.raises(ParameterError, match=said):
-        work_on_twin(given, ArmModel.of(given.arm), given.poses.positions[0], ArmChange(**change), 1.0)
+        ArmSimulator(given, ArmModel.of(given.arm)).run(given.poses.positions[0], ArmChange(**change), 1.0)
 
 
 def test_predictions_stand_beside_what_was_measured() -> None:

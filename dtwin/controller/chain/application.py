@@ -341,12 +341,29 @@ def inputs(arm: Arm, inertia: Array, control: Control, poses: Poses | None) -> d
     chain = aligned(arm)
     for k in range(len(arm)):
         own = {**points(poses, k), **link(chain, k), **drive(arm, k, float(inertia[k]))}
-        gains = control.gains if not arm.servos else servo_gains(arm, k, float(inertia[k]))
-        own |= dict(zip(("KP", "KI", "KD"), gains, strict=True))
-        own |= {"BANDWIDTH": control.observer, "DELAY": control.delay, "TS": arm.period}
-        own["SPEED"] *= control.speed
-        own["ACCELERATION"] *= control.speed**2
+        own |= {**_tuning(arm, k, float(inertia[k]), control), "TS": arm.period}
         if not k:
             own |= {f"A{x}": float(-g) for x, g in zip(XYZ, arm.gravity, strict=True)}
         values |= {f"{joint_name(k)}.{name}": value for name, value in own.items()}
     return values
+
+
+def tuning_inputs(arm: Arm, inertia: Array, control: Control) -> dict[str, float]:
+    """The values of those inputs that tune the control, by `BLOCK.INPUT`; arguments as for `inputs`."""
+    return {
+        f"{joint_name(k)}.{name}": value
+        for k in range(len(arm))
+        for name, value in _tuning(arm, k, float(inertia[k]), control).items()
+    }
+
+
+def _tuning(arm: Arm, k: int, inertia: float, control: Control) -> dict[str, float]:
+    joint = arm.joints[k]
+    gains = control.gains if not arm.servos else servo_gains(arm, k, inertia)
+    return {
+        **dict(zip(("KP", "KI", "KD"), gains, strict=True)),
+        "BANDWIDTH": control.observer,
+        "DELAY": control.delay,
+        "SPEED": joint.speed * control.speed,
+        "ACCELERATION": joint.acceleration * control.speed**2,
+    }

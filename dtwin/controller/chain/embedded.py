@@ -36,11 +36,11 @@ class ChainController:
     """
 
     def __init__(self, joints: int, values: Mapping[str, Any], blocks: Path = LIBRARY) -> None:
-        drawn = started_network(network(joints))
-        self.resource: Blocks = running(drawn, _library(blocks, Library([blocks]).stamp()))
+        self.resource: Blocks = running(_network(joints), _library(blocks, Library([blocks]).stamp()))
         for name, value in values.items():
             self.resource.write(name, value)
         servers = [self.resource.server(name) for name in (ARM, VERDICT, TWIN)]
+        self._unstarted = self.resource.snapshot()
         self.resource.start()
         self._exchange, self._verdict, self._twin = (server.exchange for server in servers)
         self.grips = False
@@ -51,6 +51,14 @@ class ChainController:
         ]
         self._sequence = self.resource.reader((f"{SEQUENCE}.INDEX", f"{SEQUENCE}.DONE"))
         self._stop = self.resource.reader((f"{STOP}.STOP", f"{STOP}.COUNT"))
+
+    def start_anew(self, values: Mapping[str, Any]) -> None:
+        """Puts the blocks to their beginning with other values of some inputs, and starts them."""
+        self.resource.restore(self._unstarted)
+        for name, value in values.items():
+            self.resource.write(name, value)
+        self.resource.start()
+        self.grips = False
 
     def step(self, positions: Sequence[float], box: int = 0) -> tuple[float, ...]:
         """The commands that answer a sample, (n,), in the units of the drives.
@@ -110,6 +118,11 @@ class ChainController:
     def stop(self) -> int:
         """The stop in force: 0 none, 1 braking, 2 standstill, 3 torque off."""
         return int(self._stop()[0])
+
+
+@lru_cache(maxsize=8)
+def _network(joints: int) -> model.FBNetwork:
+    return started_network(network(joints))
 
 
 @lru_cache(maxsize=4)

@@ -24,7 +24,8 @@ from dtwin.emulation.chain.machine import machine_of
 from dtwin.errors import DivergenceError, ParameterError, choices
 from dtwin.run.chain import ChainSettings
 from dtwin.simulation.chain.checks import OBSERVERS, POLES, SLOWEST, tuning_problem
-from dtwin.simulation.chain.whatif import ArmChange, ArmOutcome, loops_of, work_on_twin
+from dtwin.simulation.chain.simulator import ArmSimulator
+from dtwin.simulation.chain.whatif import ArmChange, ArmOutcome, loops_of
 from dtwin.simulation.figures import SETTLED_BAND, SETTLED_SHARE
 from dtwin.simulation.objective import SETTLING, UNUSABLE
 from dtwin.simulation.optimise import evolve, first_generation, front_of
@@ -256,7 +257,7 @@ def _arms(objective: ArmObjective) -> list[Arm]:
 def _work(settings: ChainSettings, change: ArmChange, arm: Arm) -> ArmOutcome:
     start = settings.poses.positions[0] if settings.start is None else settings.start
     model = ArmModel.of(settings.arm)
-    return work_on_twin(settings, model, start, change, _LONGEST, real=arm, after=SETTLING)
+    return ArmSimulator(settings, model, arm).run(start, change, _LONGEST, SETTLING)
 
 
 def _excess(terms: Mapping[str, float], outcome: ArmOutcome, limits: ArmLimits | None) -> tuple[str, float]:

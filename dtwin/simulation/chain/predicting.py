@@ -13,7 +13,8 @@ from dtwin.arm.model import ArmSettings
 from dtwin.bus.chain.messages import JointOutcome, JointPredicted, JointQuestion, JointTicks
 from dtwin.errors import CommunicationError, DivergenceError, ParameterError
 from dtwin.run.chain import ChainSettings
-from dtwin.simulation.chain.whatif import ArmChange, loops_of, work_on_twin
+from dtwin.simulation.chain.simulator import ArmSimulator
+from dtwin.simulation.chain.whatif import ArmChange, loops_of
 
 SPAN: Final = 8.0
 """Time that the twin works, and for which the arm is measured, s."""
@@ -88,7 +89,7 @@ class Predicting:
         settings = replace(self._settings, control=self._settings.control.tuned(base.tuning))
         loops = loops_of(settings, base.model, change)
         try:
-            found = work_on_twin(settings, base.model, np.array(where), change, SPAN)
+            found = ArmSimulator(settings, base.model).run(np.array(where), change, SPAN)
         except DivergenceError as error:
             raise ParameterError(f"the twin does not do its work with these settings: {error}") from None
 
