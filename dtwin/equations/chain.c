@@ -9,7 +9,7 @@
 #include <math.h>
 
 #define TANH_IS_ONE 19.0 /* tanh of more is 1 */
-#define CONVERGED 1e-15
+#define CONVERGED 1e-8 /* of the width, and from there on quadratically */
 #define BALANCED 1e-9 /* of the largest friction */
 enum { MOST_TURNS = 100 };
 enum { R = 0, P = 9, M = 12, H = 13, J = 16, TURNS = 22, ROTOR = 23, VISCOUS = 24, SIZE = 25 };
@@ -165,7 +165,8 @@ static void masses(int n, const double *links, double (*e)[9], double (*d)[3], d
     }
 }
 
-/* Torques of the motion without acceleration, and the factor of the mass matrix with rotors, its lower triangle. */
+/* Torques of the motion without acceleration, and the factor of the mass matrix with rotors: its lower triangle, with
+ * the reciprocals of its diagonal, as a division takes as long as several products. */
 static void factor(int n, const double *links, const double *gravity, const double *q, const double *qd,
                    double (*lower)[MOST], double *h)
 {
@@ -179,7 +180,7 @@ static void factor(int n, const double *links, const double *gravity, const doub
             double sum = lower[i][k];
             for (int l = 0; l < k; l++)
                 sum -= lower[i][l] * lower[k][l];
-            lower[i][k] = k == i ? sqrt(sum) : sum / lower[k][k];
+            lower[i][k] = k == i ? 1.0 / sqrt(sum) : sum * lower[k][k];
         }
     }
     for (int i = 0; i < n; i++)
@@ -193,12 +194,12 @@ static void solve(int n, double (*lower)[MOST], const double *y, double *x)
         double rest = y[i];
         for (int k = 0; k < i; k++)
             rest -= lower[i][k] * x[k];
-        x[i] = rest / lower[i][i];
+        x[i] = rest * lower[i][i];
     }
     for (int i = n - 1; i >= 0; i--) {
         for (int k = i + 1; k < n; k++)
             x[i] -= lower[k][i] * x[k];
-        x[i] /= lower[i][i];
+        x[i] *= lower[i][i];
     }
 }
 
@@ -225,16 +226,18 @@ void chain_accelerate(int n, const double *links, const double *gravity, const d
     chain_forward(n, links, gravity, q, qd, left, qdd);
 }
 
-/* v from v + k tanh(v / w) = c. Newton's method from the side from which it does not pass the root: beyond 0 the
- * function is concave, and both v = c - k and the root of its tangent at 0 are below its root. */
-static double opposed(double c, double k, double w)
+/* v from v + k tanh(v / w) = c, near a first guess, by Newton's method. Beyond 0 the function is concave, so that a
+ * step never leads above the root; both v = c - k and the root of the tangent at 0 are below it. */
+static double opposed(double c, double k, double w, double guess)
 {
-    const double size = fabs(c);
-    double v = fmax(size - k, size / (1.0 + k / w));
-    for (int turn = 0; turn < 50 && v < TANH_IS_ONE * w; turn++) {
+    const double size = fabs(c), least = fmax(size - k, size / (1.0 + k / w));
+    double v = fmax(least, c < 0.0 ? -guess : guess);
+    if (least >= TANH_IS_ONE * w)
+        return copysign(least, c);
+    for (int turn = 0; turn < MOST_TURNS; turn++) {
         const double t = tanh(v / w), change = (size - v - k * t) / (1.0 + k / w * (1.0 - t * t));
-        v += change;
-        if (fabs(change) <= CONVERGED * (size + w))
+        v = fmax(least, v + change);
+        if (fabs(change) <= CONVERGED * w)
             break;
     }
     return copysign(v, c);
@@ -261,8 +264,8 @@ static void friction(int n, double (*lower)[MOST], const double *y, const double
         double moved = 0.0;
         for (int i = 0; i < n; i++) {
             const double most = dry_torque(dry, i), free = v[i] + a[i][i] * f[i];
-            const double now = (free - opposed(free, a[i][i] * most, dry->width)) / a[i][i], change = now - f[i];
-            if (most == 0.0 || fabs(change) <= CONVERGED * most)
+            const double now = (free - opposed(free, a[i][i] * most, dry->width, v[i])) / a[i][i], change = now - f[i];
+            if (most == 0.0)
                 continue;
             f[i] = now;
             for (int k = 0; k < n; k++)

@@ -27,8 +27,8 @@ class BlocksInMemory:
     """Function blocks as machine code.
 
     Attributes:
-        exchange: address of `int32_t exchange(void *unit, const void *request, void *answer)`. A request is n positions
-            and the number of the box that waits; an answer begins with n commands.
+        exchange: address of `int32_t exchange(void *unit, const void *request, void *answer)`. A request is n
+            positions and the number of the box that waits; an answer begins with n commands.
         unit: address of their state.
         desired: places of the n desired positions in it, LREAL, bytes.
         pose: place of the number of the pose to which the arm goes, DINT, bytes.

@@ -84,7 +84,9 @@ class NativeResource:
         self.address = ctypes.addressof(self._memory)
         self._places = {place.name: place for place in self._layout.variables}
         self._numbers = {node.name: number for number, node in self._layout.netlist.nodes.items()}
-        servers = [] if hosted else [node.name for node in self._layout.netlist.nodes.values() if is_server(node)]
+        servers = (
+            [] if self.hosted else [node.name for node in self._layout.netlist.nodes.values() if is_server(node)]
+        )
         self._offsets, self._flags = memory.offsets(self._library, NAME, self._layout.variables, servers)
         self._reals = self._view[: size - size % 8].cast("d")
         self._places_of_reals = {

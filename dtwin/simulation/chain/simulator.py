@@ -1,7 +1,7 @@
 """The chain twin at work under the real function blocks, prepared once for many changes of its settings.
 
-The twin is the chain of dtwin/equations with the friction of the model and the steps of the encoders. Blocks and chain
-go on together in machine code; where the blocks run in Python, a loop there does the same, to the bit.
+The twin is the chain of dtwin/equations with the friction of the model and the steps of the encoders. Blocks and
+chain go on together in machine code; where the blocks run in Python, a loop there does the same, to the bit.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from dtwin.simulation.chain.checks import check_model
 from dtwin.simulation.chain.whatif import ArmChange, ArmOutcome, changed
 from iec61499.native.resource import NativeResource
 
-STEPS: Final = 2
-"""Integration steps in a tick."""
+STEPS: Final = 4
+"""Integration steps in a tick, as in the emulation."""
 _SHARP: Final = 0.002
 """Velocity over which dry friction changes its sign, in parts of the least speed of a joint: sharp."""
 _LOADS: Final = 16
