@@ -20,6 +20,7 @@ COMMANDS: Final[dict[str, Subcommand]] = {
         "evidence.bench.services", "BenchServices", "measure what each service of a cell takes"
     ),
     "bench line": Subcommand("evidence.bench.line", "BenchLine", "measure how fast lines of arms run headless"),
+    "bench arm": Subcommand("evidence.bench.arm", "BenchArm", "measure the speed of the parts of any serial arm"),
     "bench identify": Subcommand("evidence.bench.identify", "BenchIdentify", "time a fit against mujoco.sysid"),
     "bench upload": Subcommand("evidence.bench.upload", "BenchUpload", "time uploads to a running cell"),
     "experiment clearance": Subcommand(

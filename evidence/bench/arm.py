@@ -1,0 +1,96 @@
+"""`dtwin bench arm`."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from statistics import median
+from typing import Final
+
+import mujoco
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from dtwin.arm.model import ArmModel
+from dtwin.commands.frame import JsonOption, at_least
+from dtwin.emulation.chain.machine import NOMINAL
+from dtwin.emulation.chain.model import build
+from dtwin.emulation.chain.plant import STEPS
+from dtwin.equations.native import NativeChain
+from dtwin.run.arm_cell import ArmCell
+from dtwin.run.chain import ChainSettings, run
+from dtwin.simulation.chain.simulator import ArmSimulator
+from dtwin.simulation.chain.whatif import ArmChange, loops_of
+from dtwin.terminal import print_json, print_table
+
+WHAT_IF: Final = 4.0
+"""Length of the motion of a what-if, s."""
+SPAN: Final = 20.0
+"""Plant time of the runs, s."""
+_STATES: Final = 10_000
+
+
+@dataclass(frozen=True)
+class BenchArm(JsonOption):
+    """Measure the speed of the parts of any serial arm: its equations, a what-if, and its closed loop with a log beside
+    MuJoCo alone on its model."""
+
+    arm: str = "six-axis"
+    """Name of an arm or its file."""
+    rounds: int = 5
+    """Number of turns; the median counts."""
+
+    def execute(self) -> int:
+        at_least("--rounds", self.rounds, 1)
+        settings = ArmCell(arm=self.arm, machine=NOMINAL).settings(SPAN)
+        parts = _parts(settings)
+        for part in parts.values():
+            part()
+        seconds: dict[str, list[float]] = {name: [] for name in parts}
+        with Console(stderr=True).status("measuring"):
+            for _ in range(self.rounds):
+                for name, part in parts.items():
+                    began = time.perf_counter()
+                    part()
+                    seconds[name].append(time.perf_counter() - began)
+        figures = {
+            "forward_dynamics_microseconds": 1e6 * median(seconds["dynamics"]) / _STATES,
+            "what_if_milliseconds": 1e3 * median(seconds["what-if"]),
+            "margins_milliseconds": 1e3 * median(seconds["margins"]),
+            "closed_loop_of_plant_alone": median(
+                a / b for a, b in zip(seconds["plant"], seconds["closed loop"], strict=True)
+            ),
+            "closed_loop_real_time_factor": SPAN / median(seconds["closed loop"]),
+        }
+        if self.json:
+            print_json({"arm": self.arm, **figures})
+            return 0
+        table = Table("part", "figure")
+        for name, value in figures.items():
+            table.add_row(name.replace("_", " "), f"{value:.3g}")
+        print_table(table)
+        return 0
+
+
+def _parts(settings: ChainSettings) -> dict[str, Callable[[], object]]:
+    arm, start = settings.arm, settings.poses.positions[0]
+    chain, simulator = NativeChain(arm), ArmSimulator(settings, ArmModel.of(arm))
+    states = np.random.default_rng(0).uniform(-1.0, 1.0, (3, _STATES, len(arm)))
+    model = build(arm, arm.period / STEPS)
+    data = mujoco.MjData(model)
+    ticks = round(SPAN / arm.period)
+
+    def plant() -> None:
+        mujoco.mj_resetData(model, data)
+        data.qpos[:] = start
+        mujoco.mj_step(model, data, nstep=ticks * STEPS)
+
+    return {
+        "dynamics": lambda: chain.forward_dynamics(*states),
+        "what-if": lambda: simulator.run(start, ArmChange(), WHAT_IF),
+        "margins": lambda: loops_of(settings, ArmModel.of(arm), ArmChange()),
+        "plant": plant,
+        "closed loop": lambda: run(settings),
+    }
