@@ -327,6 +327,16 @@ void chain_advance(int n, const double *links, const double *gravity, double *q,
     }
 }
 
+int32_t chain_move(void *plant, const double *torque)
+{
+    const struct chain_plant *arm = plant;
+    int32_t finite = 1;
+    chain_advance(arm->joints, arm->links, arm->gravity, arm->q, arm->qd, torque, arm->dry, arm->step, arm->steps);
+    for (int i = 0; i < arm->joints; i++)
+        finite = finite && isfinite(arm->q[i]);
+    return finite;
+}
+
 /* Forward dynamics of many states, row by row. */
 void chain_forward_many(int count, int n, const double *links, const double *gravity, const double *q,
                         const double *qd, const double *tau, double *qdd)

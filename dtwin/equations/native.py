@@ -19,7 +19,7 @@ from dtwin.errors import ModelError
 from iec61499.native.build import load
 
 _FOLDER: Final = Path(__file__).parent
-_FILES: Final = ("chain.h", "chain.c", "closed_loop.h", "closed_loop.c")
+_FILES: Final = ("chain.h", "chain.c")
 _MOST: Final = 32
 _SIZE: Final = 25
 """Numbers of a link; see chain.c."""
@@ -37,11 +37,6 @@ class NativeChain:
     Args:
         arm: the chain; viscous friction and rotors are part of its equations.
 
-    Attributes:
-        library: the machine code.
-        links: numbers of the links as it reads them, (n, 25).
-        gravity: acceleration of gravity, (3,), m/s^2.
-
     Raises:
         NativeError: there is no C compiler.
         ModelError: the arm has too many joints.
@@ -50,16 +45,18 @@ class NativeChain:
     def __init__(self, arm: Arm) -> None:
         if len(arm) > _MOST:
             raise ModelError(f"arm {arm.name}: expected at most {_MOST} joints, got {len(arm)}")
-        self.library = _library()
+        self._library = _library()
         self._n = len(arm)
-        self.links = _numbers(arm)
-        self.gravity = np.ascontiguousarray(arm.gravity, dtype=np.float64)
+        self._links = _numbers(arm)
+        self._gravity = np.ascontiguousarray(arm.gravity, dtype=np.float64)
 
     def forward_dynamics(self, q: Array, qd: Array, tau: Array) -> Array:
         """The accelerations of N states under torques of the drives, (N, n) each, by friction and rotors too."""
         q, qd, tau = (self._rows(values) for values in (q, qd, tau))
         found = np.empty_like(q)
-        self.library.chain_forward_many(len(q), self._n, *map(pointer, (self.links, self.gravity, q, qd, tau, found)))
+        self._library.chain_forward_many(
+            len(q), self._n, *map(_pointer, (self._links, self._gravity, q, qd, tau, found))
+        )
         return found
 
     def rollout(self, q: Array, qd: Array, tau: Array, step: float, steps: int) -> tuple[Array, Array]:
@@ -78,19 +75,19 @@ class NativeChain:
         tau = self._rows(tau)
         q, qd = (np.array(values, dtype=np.float64) for values in (q, qd))
         positions, velocities = np.empty_like(tau), np.empty_like(tau)
-        self.library.chain_rollout(
+        self._library.chain_rollout(
             len(tau),
             self._n,
-            *map(pointer, (self.links, self.gravity, q, qd, tau)),
+            *map(_pointer, (self._links, self._gravity, q, qd, tau)),
             ctypes.c_double(step),
             steps,
-            *map(pointer, (positions, velocities)),
+            *map(_pointer, (positions, velocities)),
         )
         return np.vstack([positions, q]), np.vstack([velocities, qd])
 
-    def moving(self, q: Array, qd: Array, dry: DryFriction | None = None) -> MovingChain:
-        """The arm in motion from a state on, (n,) each."""
-        return MovingChain(self.library, (self.links, self.gravity), q, qd, dry)
+    def moving(self, q: Array, qd: Array, step: float, steps: int, dry: DryFriction | None = None) -> MovingChain:
+        """The arm in motion from a state on, (n,) each, by steps (s) of the Runge-Kutta method in each tick."""
+        return MovingChain(self._library, (self._links, self._gravity), (q, qd), step, steps, dry)
 
     def _rows(self, values: Array) -> Array:
         return np.ascontiguousarray(values, dtype=np.float64).reshape(-1, self._n)
@@ -111,14 +108,21 @@ class DryFriction:
     width: float
 
 
-class Dry(ctypes.Structure):
-    """Dry friction as the machine code reads it."""
-
+class _Dry(ctypes.Structure):
     _fields_ = (
         ("coulomb", ctypes.c_void_p),
         ("share", ctypes.c_void_p),
         ("carried", ctypes.c_void_p),
         ("width", ctypes.c_double),
+    )
+
+
+class _Plant(ctypes.Structure):
+    _fields_ = (
+        ("joints", ctypes.c_int32),
+        ("steps", ctypes.c_int32),
+        ("step", ctypes.c_double),
+        *((name, ctypes.c_void_p) for name in ("links", "gravity", "q", "qd", "dry")),
     )
 
 
@@ -128,37 +132,44 @@ class MovingChain:
     Args:
         library: the machine code.
         numbers: of the links, and gravity.
-        q: positions at the beginning, (n,).
-        qd: velocities at the beginning, (n,).
+        state: positions and velocities at the beginning, (n,) each.
+        step: step of the Runge-Kutta method of fourth order, s.
+        steps: steps in a tick.
         dry: its dry friction; None for none.
 
     Attributes:
         q: positions, (n,), rad or m.
         qd: velocities, (n,).
+        move: address of `int32_t move(void *plant, const double *torque)`.
+        plant: address of what it moves.
     """
 
     def __init__(
-        self, library: ctypes.CDLL, numbers: tuple[Array, Array], q: Array, qd: Array, dry: DryFriction | None
+        self,
+        library: ctypes.CDLL,
+        numbers: tuple[Array, Array],
+        state: tuple[Array, Array],
+        step: float,
+        steps: int,
+        dry: DryFriction | None,
     ) -> None:
-        self.q, self.qd = (np.array(values, dtype=np.float64) for values in (q, qd))
-        self._torque = np.zeros_like(self.q)
-        self._advance = library.chain_advance
-        given = [*numbers, self.q, self.qd, self._torque]
-        friction, rows = (None, ()) if dry is None else dry_of(dry)
-        self._kept = given, friction, rows  # the machine code has their addresses
-        self._where = [len(self.q), *map(pointer, given), None if friction is None else ctypes.byref(friction)]
+        self.q, self.qd = (np.array(values, dtype=np.float64) for values in state)
+        n = len(self.q)
+        friction, rows = None, ()
+        if dry is not None:
+            rows = tuple(np.array(values, dtype=np.float64) for values in (dry.coulomb, dry.share, np.zeros(n)))
+            friction = _Dry(*(row.ctypes.data for row in rows), dry.width)
+        places = (each.ctypes.data for each in (*numbers, self.q, self.qd))
+        made = _Plant(n, steps, step, *places, None if friction is None else ctypes.addressof(friction))
+        self._kept = numbers, rows, friction, made  # the machine code has their addresses
+        self._move = library.chain_move
+        self.move: int = ctypes.cast(self._move, ctypes.c_void_p).value or 0
+        self.plant = ctypes.addressof(made)
 
-    def advance(self, torque: Array, step: float, steps: int) -> None:
-        """Some steps of the Runge-Kutta method of fourth order under torques of the drives, (n,), that are held."""
-        self._torque[:] = torque
-        self._advance(*self._where, ctypes.c_double(step), steps)
-
-
-def dry_of(dry: DryFriction) -> tuple[Dry, tuple[Array, ...]]:
-    """Dry friction of an arm whose gears carry nothing yet, as the machine code reads it, and what has to be kept."""
-    given = (dry.coulomb, dry.share, np.zeros_like(dry.coulomb))
-    rows = tuple(np.array(values, dtype=np.float64) for values in given)
-    return Dry(*(row.ctypes.data for row in rows), dry.width), rows
+    def advance(self, torque: Array) -> bool:
+        """Goes on by a tick under torques of the drives, (n,), that are held; whether the motion is finite."""
+        held = np.ascontiguousarray(torque, dtype=np.float64)
+        return bool(self._move(ctypes.c_void_p(self.plant), _pointer(held)))
 
 
 def _numbers(arm: Arm) -> Array:
@@ -189,14 +200,11 @@ def width_of(arm: Arm, step: float) -> float:
     return float(max(widths))
 
 
-def pointer(values: Array) -> ctypes.c_void_p:
-    """Where values are, for machine code."""
+def _pointer(values: Array) -> ctypes.c_void_p:
     return ctypes.c_void_p(values.ctypes.data)
 
 
 @lru_cache(maxsize=1)
 def _library() -> ctypes.CDLL:
     texts = {name: (_FOLDER / name).read_text() for name in _FILES}
-    found = load("".join(texts.values()), "chain", lambda: texts, _FLAGS)
-    found.closed_loop_run.restype = ctypes.c_int64
-    return found
+    return load("".join(texts.values()), "chain", lambda: texts, _FLAGS)

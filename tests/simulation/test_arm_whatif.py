@@ -54,7 +54,7 @@ def test_dry_friction_balances_the_velocities_at_the_end_of_a_step() -> None:
     torque = generator.uniform(-50.0, 50.0, n)
     coulomb, share, width, step = generator.uniform(1.0, 5.0, n), generator.uniform(0.0, 0.1, n), 0.05, 1e-4
     viscous = np.array([joint.friction.viscous for joint in arm.joints])
-    moving = NativeChain(arm).moving(q, qd, DryFriction(coulomb, share, width))
+    moving = NativeChain(arm).moving(q, qd, step, 1, DryFriction(coulomb, share, width))
     carried = np.zeros(n)
     for _ in range(2):
 
@@ -79,7 +79,7 @@ def test_dry_friction_balances_the_velocities_at_the_end_of_a_step() -> None:
             a.append(accelerations(at, speed, friction))
         weights = np.array([1.0, 2.0, 2.0, 1.0])[:, None] * step / 6.0
         q, qd = q + np.sum(weights * np.array(v), axis=0), qd + np.sum(weights * np.array(a), axis=0)
-        moving.advance(torque, step, 1)
+        moving.advance(torque)
         assert moving.q == pytest.approx(q, abs=1e-9)
         assert moving.qd == pytest.approx(qd, abs=1e-9)
 
@@ -89,9 +89,10 @@ def test_an_arm_that_its_friction_can_hold_stands_still() -> None:
     arm = without_effects(arm_of("six-axis"))
     n, start = len(arm), np.full(len(arm), 0.3)
     weight = inverse_dynamics(arm, start[None], np.zeros((1, n)), np.zeros((1, n)))[0]
-    moving = NativeChain(arm).moving(start, np.zeros(n), DryFriction(1.2 * np.abs(weight), np.zeros(n), 1e-3))
+    friction = DryFriction(1.2 * np.abs(weight), np.zeros(n), 1e-3)
+    moving = NativeChain(arm).moving(start, np.zeros(n), arm.period, 1, friction)
     for _ in range(200):
-        moving.advance(np.zeros(n), arm.period, 1)
+        moving.advance(np.zeros(n))
         assert (np.abs(moving.qd) < 1.3e-3).all()
 
 
@@ -130,12 +131,12 @@ def test_a_held_mass_is_a_load_of_the_emulation() -> None:
     start = np.full(len(arm), 0.3)
     plant = ChainPlant(replace(given.machine, arm=arm), start)
     plant.hold(2.0)
-    moving = NativeChain(holding(arm, 2.0)).moving(start, np.zeros(len(arm)))
+    moving = NativeChain(holding(arm, 2.0)).moving(start, np.zeros(len(arm)), arm.period / 4, 4)
     for _ in range(50):
         plant.apply([1.0] * len(arm))
         plant.advance()
         constant = np.array([joint.actuator.constant or 1.0 for joint in arm.joints])
-        moving.advance(constant, arm.period / 4, 4)
+        moving.advance(constant)
     assert np.abs(moving.q - plant.state[0]).max() < 1e-9
 
 

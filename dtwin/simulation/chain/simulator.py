@@ -16,10 +16,10 @@ from dtwin.arm.model import ArmModel
 from dtwin.arm.modelled import with_model
 from dtwin.controller.chain.application import ARM, SEQUENCE, inputs, joint_name, tuning_inputs
 from dtwin.controller.chain.embedded import ChainController
-from dtwin.equations.closed_loop import FINE, LOST, BlocksInMemory, ClosedLoop, Drives, Ticks
-from dtwin.equations.native import DryFriction, NativeChain
+from dtwin.equations.native import DryFriction, MovingChain, NativeChain
 from dtwin.equations.rigid import usual_inertia
 from dtwin.errors import DivergenceError, ParameterError
+from dtwin.loop.closed_loop import FINE, LOST, BlocksInMemory, ClosedLoop, Course, Drives, PlantInMemory, Ticks
 from dtwin.run.chain import ChainSettings
 from dtwin.simulation.chain.checks import check_model
 from dtwin.simulation.chain.whatif import ArmChange, ArmOutcome, changed
@@ -58,7 +58,7 @@ class ArmSimulator:
             np.array([joint.step for joint in known.joints]),
             settings.late,
         )
-        self._plant = lru_cache(_LOADS)(self._carrying)
+        self._twin = lru_cache(_LOADS)(self._carrying)
         blocks = self._blocks.resource
         self._loop = None if not isinstance(blocks, NativeResource) else self._closed(blocks)
 
@@ -78,10 +78,14 @@ class ArmSimulator:
         period, blocks = self._known.period, self._blocks
         ticks = max(1, round(duration / period))
         rest = ticks if after >= duration else round(after / period)
-        chain, dry = self._plant(change.payload)
+        chain, dry = self._twin(change.payload)
+        plant = chain.moving(start, np.zeros(len(start)), period / STEPS, STEPS, dry)
         blocks.start_anew(tuning_inputs(self._known, self._inertia, changed(self._settings.control, change)))
-        run = self._in_python if self._loop is None else self._loop.run
-        done = run(chain, dry, start, ticks, rest)
+        waiting = np.zeros((self._drives.late, len(start)))
+        if self._loop is None:
+            done = self._in_python(plant, waiting, ticks, rest)
+        else:
+            done = self._loop.run(PlantInMemory(plant.move, plant.plant, plant.q), waiting, Course(ticks, rest))
         if done.problem == LOST:
             raise DivergenceError(f"the twin of {self._known.name}", len(done.q) * period, done.q[-1])
         if done.problem != FINE:
@@ -103,21 +107,20 @@ class ArmSimulator:
         desired = tuple(blocks.offset(f"{joint_name(k)}.PATH.Q_D") for k in range(len(self._known)))
         pose, done = (blocks.offset(f"{SEQUENCE}.{name}") for name in ("INDEX", "DONE"))
         memory = BlocksInMemory(blocks.function(f"exchange__{ARM}"), blocks.address, desired, pose, done)
-        return ClosedLoop(memory, self._drives, self._known.period / STEPS, STEPS)
+        return ClosedLoop(memory, self._drives)
 
-    def _in_python(self, chain: NativeChain, dry: DryFriction, start: Array, ticks: int, rest: int) -> Ticks:
+    def _in_python(self, plant: MovingChain, waiting: Array, ticks: int, rest: int) -> Ticks:
         """As `ClosedLoop.run`."""
-        drives, blocks, plant = self._drives, self._blocks, chain.moving(start, np.zeros(len(start)), dry)
+        drives, blocks = self._drives, self._blocks
         marks = np.where(drives.grid > 0.0, drives.grid, 1.0)
-        waiting = [np.zeros(len(start))] * drives.late
-        rows, poses = np.zeros((3, ticks, len(start))), np.zeros(ticks, dtype=np.int32)
+        commands = [*waiting]
+        rows, poses = np.zeros((4, ticks, len(plant.q))), np.zeros(ticks, dtype=np.int32)
         resting, problem, k = 0, FINE, 0
         while k < ticks and resting <= rest and problem == FINE:
             read = np.where(drives.grid > 0.0, marks * np.floor(plant.q / marks + 0.5), plant.q)
             command: Array = np.array(blocks.step(read.tolist()))
-            rows[:, k], poses[k] = (plant.q, blocks.desired()[0], command), blocks.pose
-            waiting.append(np.minimum(np.maximum(command, -drives.limit), drives.limit))
-            plant.advance(drives.constant * waiting.pop(0), self._known.period / STEPS, STEPS)
-            problem = FINE if np.isfinite(plant.q).all() else LOST
+            rows[:, k], poses[k] = (plant.q, read, blocks.desired()[0], command), blocks.pose
+            commands.append(np.minimum(np.maximum(command, -drives.limit), drives.limit))
+            problem = FINE if plant.advance(drives.constant * commands.pop(0)) else LOST
             resting, k = resting + 1 if blocks.done else 0, k + 1
         return Ticks(*rows[:, :k], poses[:k], problem)

@@ -1,0 +1,1 @@
+"""The closed loop of blocks and any serial arm in machine code."""
