@@ -27,6 +27,7 @@ from dtwin.equations.rigid import usual_inertia
 from dtwin.errors import UnreachableError
 from dtwin.files import LOG, replacing
 from dtwin.measurements.measurement import Measurement
+from dtwin.run.chain_ticks import MOST, ChainTicks, until
 
 EFFORTS: Final[dict[Commanded, str]] = {
     "torque": "torque",
@@ -333,18 +334,30 @@ def run(
     rows = np.zeros((4, ticks, len(arm)))
     poses, places = np.zeros(ticks), np.zeros((ticks, 2))
     boxes = None if settings.sorting is None else Boxes(settings.sorting, settings.seed)
+    ahead = None if beside is not None else ChainTicks(plant, controller, len(arm))
     done = 0
     while done < ticks and not controller.done and (between is None or between(done)):
-        read = plant.read()
-        command = controller.step(read.tolist(), 0 if boxes is None else boxes.waiting(plant.time))
-        rows[0, done], rows[1, done] = read, controller.desired()[0]
-        rows[2, done], rows[3, done] = command, plant.state[0]
-        poses[done] = controller.pose
+        box = 0 if boxes is None else boxes.waiting(plant.time)
+        passed, answered = 0, False
+        if ahead is not None:
+            most = MOST if boxes is None else until(plant.time, boxes.next_box, arm.period)
+            span = slice(done, min(done + most, ticks))
+            passed, answered = ahead.run(rows[:, span], poses[span], box)
+            places[done : done + passed] = (0, 0) if boxes is None else boxes.places
+            done += passed
+        if passed and not answered:
+            continue
+        if not answered:
+            read = plant.read()
+            command = controller.step(read.tolist(), box)
+            rows[0, done], rows[1, done] = read, controller.desired()[0]
+            rows[2, done], rows[3, done] = command, plant.state[0]
+            poses[done] = controller.pose
         if boxes is not None:
             boxes.grip(controller.grips, plant.tool, plant.time)
             plant.hold(boxes.held)
             places[done] = boxes.places
-        plant.apply(command)
+        plant.apply(rows[2, done])
         plant.advance()
         done += 1
         if beside is not None:

@@ -27,15 +27,15 @@ from dtwin.terminal import print_json, print_table
 
 WHAT_IF: Final = 4.0
 """Length of the motion of a what-if, s."""
-SPAN: Final = 20.0
+SPAN: Final = 60.0
 """Plant time of the runs, s."""
 _STATES: Final = 10_000
 
 
 @dataclass(frozen=True)
 class BenchArm(JsonOption):
-    """Measure the speed of the parts of any serial arm: its equations, a what-if, and its closed loop with a log beside
-    MuJoCo alone on its model."""
+    """Measure the speed of the parts of any serial arm: its equations, a what-if, its margins, and its closed loop
+    with a log beside MuJoCo alone on its model."""
 
     arm: str = "six-axis"
     """Name of an arm or its file."""
@@ -85,6 +85,7 @@ def _parts(settings: ChainSettings) -> dict[str, Callable[[], object]]:
     def plant() -> None:
         mujoco.mj_resetData(model, data)
         data.qpos[:] = start
+        model.dof_frictionloss[:] = [joint.friction.coulomb for joint in settings.machine.arm.joints]
         mujoco.mj_step(model, data, nstep=ticks * STEPS)
 
     return {

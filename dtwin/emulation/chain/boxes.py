@@ -67,6 +67,11 @@ class Boxes:
         return self._kind if self._waits else 0
 
     @property
+    def next_box(self) -> float:
+        """Time at which another box comes, s; inf while one waits or is held."""
+        return np.inf if self._waits or self.held else self._next
+
+    @property
     def places(self) -> tuple[int, int]:
         """Numbers of the places, from 1, of the box that waits and of the one that is held; 0 for none."""
         return self._kind * self._waits, self._kind * bool(self.held)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Final
+from typing import Any, Final
 
 import mujoco
 import numpy as np
@@ -13,6 +13,8 @@ from dtwin.arm.chain import Array
 from dtwin.emulation.chain.faults import ChainFault
 from dtwin.emulation.chain.machine import Machine
 from dtwin.emulation.chain.model import LOAD, build
+from dtwin.emulation.chain.stepping import Stepping
+from dtwin.emulation.stepping import STEP
 from dtwin.errors import DivergenceError
 
 STEPS: Final = 4
@@ -77,6 +79,8 @@ class ChainPlant:
         if machine.friction:
             self._model.dof_frictionloss[:] = self._coulomb
         mujoco.mj_forward(self._model, self._data)
+        self._stepping: Stepping | None = None
+        self._drawn: tuple[Any, int] = None, 0
 
     def read(self) -> Array:
         """What the encoders read, (n,), rad or m."""
@@ -88,6 +92,56 @@ class ChainPlant:
         if self._faults:
             q = self._misread(q)
         return q
+
+    @property
+    def drives(self) -> tuple[Array, Array, Array]:
+        """Torque of a command of each drive, the largest command, and the step of each encoder, (n,) each."""
+        return self._constant, self._limit, self._step if self._machine.encoders else np.zeros_like(self._step)
+
+    def in_memory(self) -> Stepping | None:
+        """The arm for machine code that moves it tick by tick; None where more happens in a tick than MuJoCo's steps.
+
+        Raises:
+            NativeError: there is no C compiler.
+        """
+        if self._faults or self._servos or STEP is None:
+            return None
+        if self._stepping is None:
+            loaded = self._machine.friction and self._share.any()
+            gears = (self._rotor, self._coulomb, self._share) if loaded else None
+            self._stepping = Stepping(self._model, self._data, STEPS, gears)
+        return self._stepping
+
+    def noise(self, ticks: int) -> Array | None:
+        """What the encoders add in the next ticks, (N, n), rad or m; None for nothing."""
+        if not self._machine.encoders:
+            return None
+        self._drawn = self._generator.bit_generator.state, ticks
+        return self._machine.arm.tolerances.noise * self._generator.standard_normal((ticks, len(self._step)))
+
+    def passed(self, ticks: int, samples: int, waiting: Array) -> None:
+        """Adopts ticks that machine code has done.
+
+        Args:
+            ticks: their number.
+            samples: number of samples of the encoders that were taken, of those whose noise was drawn.
+            waiting: commands that are late, (late, n), oldest first.
+        """
+        state, drawn = self._drawn
+        if state is not None and samples < drawn:
+            self._generator.bit_generator.state = state
+            self._generator.standard_normal((samples, len(self._step)))
+        for _ in range(ticks):
+            self.time += self._period
+        self._waiting = [*waiting]
+
+    def lost(self) -> DivergenceError:
+        """The error of a motion that is not finite any more."""
+        return DivergenceError(f"arm {self._machine.arm.name}", self.time, self._data.qpos)
+
+    def waiting(self) -> Array:
+        """The commands that are late, (late, n), oldest first."""
+        return np.array(self._waiting, dtype=np.float64).reshape(-1, len(self._step))
 
     def inject(self, faults: Sequence[ChainFault]) -> None:
         """Adds faults; those that would begin in the past begin at once."""
@@ -188,4 +242,4 @@ class ChainPlant:
             mujoco.mj_step(model, data, nstep=STEPS)
         self.time += self._period
         if data.warning[mujoco.mjtWarning.mjWARN_BADQACC].number or not np.isfinite(data.qpos).all():
-            raise DivergenceError(f"arm {self._machine.arm.name}", self.time, data.qpos)
+            raise self.lost()

@@ -14,16 +14,16 @@ import numpy as np
 from dtwin.arm.chain import Arm, Array, holding, without_servos
 from dtwin.arm.model import ArmModel
 from dtwin.arm.modelled import with_model
-from dtwin.controller.chain.application import ARM, SEQUENCE, inputs, joint_name, tuning_inputs
+from dtwin.controller.chain.application import inputs, tuning_inputs
 from dtwin.controller.chain.embedded import ChainController
 from dtwin.equations.native import DryFriction, MovingChain, NativeChain
 from dtwin.equations.rigid import usual_inertia
 from dtwin.errors import DivergenceError, ParameterError
-from dtwin.loop.closed_loop import FINE, LOST, BlocksInMemory, ClosedLoop, Course, Drives, PlantInMemory, Ticks
+from dtwin.loop.closed_loop import FINE, LOST, ClosedLoop, Course, Drives, PlantInMemory, Ticks
 from dtwin.run.chain import ChainSettings
+from dtwin.run.chain_ticks import blocks_in_memory
 from dtwin.simulation.chain.checks import check_model
 from dtwin.simulation.chain.whatif import ArmChange, ArmOutcome, changed
-from iec61499.native.resource import NativeResource
 
 STEPS: Final = 4
 """Integration steps in a tick, as in the emulation."""
@@ -59,8 +59,8 @@ class ArmSimulator:
             settings.late,
         )
         self._twin = lru_cache(_LOADS)(self._carrying)
-        blocks = self._blocks.resource
-        self._loop = None if not isinstance(blocks, NativeResource) else self._closed(blocks)
+        memory = blocks_in_memory(self._blocks, len(known))
+        self._loop = None if memory is None else ClosedLoop(memory, self._drives)
 
     def run(self, start: Array, change: ArmChange, duration: float, after: float = np.inf) -> ArmOutcome:
         """Lets the twin work.
@@ -102,12 +102,6 @@ class ArmSimulator:
         coulomb = np.array([joint.friction.coulomb for joint in twin.joints])
         share = np.array([joint.friction.load for joint in twin.joints])
         return NativeChain(twin), DryFriction(coulomb, share, _SHARP * min(joint.speed for joint in twin.joints))
-
-    def _closed(self, blocks: NativeResource) -> ClosedLoop:
-        desired = tuple(blocks.offset(f"{joint_name(k)}.PATH.Q_D") for k in range(len(self._known)))
-        pose, done = (blocks.offset(f"{SEQUENCE}.{name}") for name in ("INDEX", "DONE"))
-        memory = BlocksInMemory(blocks.function(f"exchange__{ARM}"), blocks.address, desired, pose, done)
-        return ClosedLoop(memory, self._drives)
 
     def _in_python(self, plant: MovingChain, waiting: Array, ticks: int, rest: int) -> Ticks:
         """As `ClosedLoop.run`."""
