@@ -40,7 +40,7 @@ class EmulationState(msgspec.Struct, frozen=True):
 
 
 class Free(NamedTuple):
-    """What it takes to move the plant: see `Stepping` and `dtwin.run.compiled_ticks.advance`."""
+    """What it takes to move the plant: see `Stepping` and `dtwin.run.machine_code.cell.advance`."""
 
     step: int
     model: int

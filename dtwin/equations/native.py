@@ -155,7 +155,8 @@ class MovingChain:
     ) -> None:
         self.q, self.qd = (np.array(values, dtype=np.float64) for values in state)
         n = len(self.q)
-        friction, rows = None, ()
+        friction: _Dry | None = None
+        rows: tuple[Array, ...] = ()
         if dry is not None:
             rows = tuple(np.array(values, dtype=np.float64) for values in (dry.coulomb, dry.share, np.zeros(n)))
             friction = _Dry(*(row.ctypes.data for row in rows), dry.width)

@@ -33,8 +33,8 @@ from dtwin.logs.collecting import RunLog
 from dtwin.logs.log import Log
 from dtwin.parameters import PERIOD, ArmParameters, Triple
 from dtwin.run.cell_file import CellFile, cell_of
-from dtwin.run.compiled_ticks import CompiledTicks
 from dtwin.run.loop import run
+from dtwin.run.machine_code.cell import CompiledTicks
 from dtwin.run.settings import CellSettings, metadata
 from dtwin.signals import Event, EventKind
 from dtwin.twin.kinematics import joint_positions

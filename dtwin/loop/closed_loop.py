@@ -191,7 +191,8 @@ class ClosedLoop:
         done = self._run(*map(ctypes.byref, (self._blocks, arm, kept, how)))
         waiting[:] = held[:-1]
         last = done + (how.problem == GRIPPER)
-        return Ticks(*rows[:, :last], poses[:last], how.problem)
+        q, read, target, command = rows[:, :last]
+        return Ticks(q, read, target, command, poses[:last], how.problem)
 
 
 @lru_cache(maxsize=1)

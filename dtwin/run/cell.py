@@ -15,10 +15,10 @@ from dtwin.controller.embedded import EmbeddedController
 from dtwin.logs.collecting import RunLog
 from dtwin.logs.log import Log
 from dtwin.parameters import PERIOD, VOLTAGE_LIMIT, Triple
-from dtwin.run.compiled_ticks import CompiledTicks
 from dtwin.run.emulate import emulate
 from dtwin.run.hidden import HiddenLog
 from dtwin.run.loop import Controller, Pacer, run, tick_count
+from dtwin.run.machine_code.cell import CompiledTicks
 from dtwin.run.settings import CellSettings, metadata, sequence_of
 from dtwin.run.without_effect import without_effect
 from dtwin.signals import BoxCounts, Event, StepRecord

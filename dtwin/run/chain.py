@@ -27,7 +27,7 @@ from dtwin.equations.rigid import usual_inertia
 from dtwin.errors import UnreachableError
 from dtwin.files import LOG, replacing
 from dtwin.measurements.measurement import Measurement
-from dtwin.run.chain_ticks import MOST, ChainTicks, until
+from dtwin.run.machine_code.chain import MOST, ChainTicks, until
 
 EFFORTS: Final[dict[Commanded, str]] = {
     "torque": "torque",

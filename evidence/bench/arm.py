@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from statistics import median
 from typing import Final
 
-import mujoco
 import numpy as np
 from rich.console import Console
 from rich.table import Table
@@ -16,8 +15,7 @@ from rich.table import Table
 from dtwin.arm.model import ArmModel
 from dtwin.commands.frame import JsonOption, at_least
 from dtwin.emulation.chain.machine import NOMINAL
-from dtwin.emulation.chain.model import build
-from dtwin.emulation.chain.plant import STEPS
+from dtwin.emulation.chain.raw import raw_chain_ticks
 from dtwin.equations.native import NativeChain
 from dtwin.run.arm_cell import ArmCell
 from dtwin.run.chain import ChainSettings, run
@@ -78,20 +76,11 @@ def _parts(settings: ChainSettings) -> dict[str, Callable[[], object]]:
     arm, start = settings.arm, settings.poses.positions[0]
     chain, simulator = NativeChain(arm), ArmSimulator(settings, ArmModel.of(arm))
     states = np.random.default_rng(0).uniform(-1.0, 1.0, (3, _STATES, len(arm)))
-    model = build(arm, arm.period / STEPS)
-    data = mujoco.MjData(model)
-    ticks = round(SPAN / arm.period)
-
-    def plant() -> None:
-        mujoco.mj_resetData(model, data)
-        data.qpos[:] = start
-        model.dof_frictionloss[:] = [joint.friction.coulomb for joint in settings.machine.arm.joints]
-        mujoco.mj_step(model, data, nstep=ticks * STEPS)
-
+    plant, ticks = raw_chain_ticks(settings.machine, start), round(SPAN / arm.period)
     return {
         "dynamics": lambda: chain.forward_dynamics(*states),
         "what-if": lambda: simulator.run(start, ArmChange(), WHAT_IF),
         "margins": lambda: loops_of(settings, ArmModel.of(arm), ArmChange()),
-        "plant": plant,
+        "plant": lambda: plant(ticks),
         "closed loop": lambda: run(settings),
     }

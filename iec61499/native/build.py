@@ -22,19 +22,24 @@ import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
+from iec61499 import model
 from iec61499.errors import NativeError
+from iec61499.library import Library
 from iec61499.native.kept import MAKING, tidy, used
-from iec61499.native.unit import Unit
+from iec61499.native.layout import Layout, network_layout
+from iec61499.native.unit import Unit, unit_of
 
 log = logging.getLogger(__name__)
 
 HEADER: Final = Path(__file__).parents[1] / "st" / "c" / "fb.h"
 """What every unit includes."""
 _OWN_BITS: Final = ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "exp", "log", "log10", "pow")
+NAME: Final = "unit"
+"""Begins the names that the machine code of a network has for others."""
 FLAGS: Final = (
     *("-std=c99", "-O1", "-fPIC", "-shared", "-ffp-contract=off", "-fno-fast-math", "-fno-math-errno"),
     # the compiler would round better than libm where an argument is a constant
@@ -212,3 +217,41 @@ def compile_files(
 def unit_files(unit: Unit, name: str) -> dict[str, str]:
     """The files fb.h, NAME.h and NAME.c that make up a unit."""
     return {HEADER.name: HEADER.read_text(), f"{name}.h": unit.header, f"{name}.c": unit.source}
+
+
+class _Same:
+    """Something that is equal to itself alone."""
+
+    def __init__(self, value: Any) -> None:
+        self.value = value
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Same) and other.value is self.value
+
+    def __hash__(self) -> int:
+        return id(self.value)
+
+
+def machine_code(
+    network: model.FBNetwork, library: Library, traced: bool, hosted: bool
+) -> tuple[Layout, ctypes.CDLL]:
+    """Layout and machine code of a network; those of one that was asked for lately are there at once.
+
+    Args:
+        network: what runs.
+        library: finds the block types that the network uses.
+        traced: whether it can record its events.
+        hosted: whether a host does what other services than restart and timers do.
+
+    Raises:
+        FunctionBlockError: the network or one of its types is wrong, or needs what C cannot do.
+        NativeError: machine code cannot be made here.
+    """
+    return _machine_code(_Same(network), _Same(library), traced, hosted)
+
+
+@lru_cache(maxsize=8)
+def _machine_code(network: _Same, library: _Same, traced: bool, hosted: bool) -> tuple[Layout, ctypes.CDLL]:
+    layout = network_layout(network.value, library.value)
+    subject = f"{layout.netlist!r}{' traced' * traced}{' hosted' * hosted}"
+    return layout, load(subject, NAME, lambda: unit_files(unit_of(layout, NAME, traced, hosted), NAME))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 import sys
 from collections.abc import Callable, Sequence
-from functools import lru_cache, partial
+from functools import partial
 from struct import Struct
 from struct import error as StructError
 from typing import Any, Final, NoReturn
@@ -17,41 +17,18 @@ from iec61499 import model
 from iec61499.errors import CommunicationError, FunctionBlockError, choices
 from iec61499.library import Library
 from iec61499.native import memory
-from iec61499.native.build import load, unit_files
+from iec61499.native.build import NAME, machine_code
 from iec61499.native.clock import queue_size
-from iec61499.native.layout import CHART, Layout, Place, is_server, network_layout
+from iec61499.native.layout import CHART, Place, is_server
 from iec61499.native.recorder import NativeRecorder
 from iec61499.native.tracing import traced_events
-from iec61499.native.unit import unit_of
 from iec61499.runtime.blocks import checked_value
 from iec61499.trace.ctf import TraceWriter
 from iec61499.types import LREAL, DataType, ElementaryType
 
-NAME: Final = "unit"
 _FAULT: Final = Struct("iiqqqi")
 _CLOCK: Final = Struct("iiqqqi0q").size
 _FINE, _INDEX, _LOOP, _STEP, _TEXT, _CHART, _EVENTS, _QUEUE, _CLOSED, _ANSWER, _CHARACTER, _HOST = range(12)
-
-
-class _Same:
-    """Something that is equal to itself alone."""
-
-    def __init__(self, value: Any) -> None:
-        self.value = value
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Same) and other.value is self.value
-
-    def __hash__(self) -> int:
-        return id(self.value)
-
-
-@lru_cache(maxsize=8)
-def _machine_code(network: _Same, library: _Same, traced: bool, hosted: bool) -> tuple[Layout, ctypes.CDLL]:
-    """Layout and machine code of a network; of the same one again at once, as its text is long."""
-    layout = network_layout(network.value, library.value)
-    subject = f"{layout.netlist!r}{' traced' * traced}{' hosted' * hosted}"
-    return layout, load(subject, NAME, lambda: unit_files(unit_of(layout, NAME, traced, hosted), NAME))
 
 
 class NativeResource:
@@ -77,16 +54,15 @@ class NativeResource:
     """Whether a host does what services do."""
 
     def __init__(self, network: model.FBNetwork, library: Library, writer: TraceWriter | None = None) -> None:
-        self._layout, self._library = _machine_code(_Same(network), _Same(library), writer is not None, self.hosted)
+        self._layout, self._library = machine_code(network, library, writer is not None, self.hosted)
         size = ctypes.c_size_t.in_dll(self._library, f"{NAME}__size").value
         self._memory = ctypes.create_string_buffer(size)
         self._view = memoryview(self._memory).cast("B")
         self.address = ctypes.addressof(self._memory)
         self._places = {place.name: place for place in self._layout.variables}
         self._numbers = {node.name: number for number, node in self._layout.netlist.nodes.items()}
-        servers = (
-            [] if self.hosted else [node.name for node in self._layout.netlist.nodes.values() if is_server(node)]
-        )
+        nodes = () if self.hosted else self._layout.netlist.nodes.values()
+        servers = [node.name for node in nodes if is_server(node)]
         self._offsets, self._flags = memory.offsets(self._library, NAME, self._layout.variables, servers)
         self._reals = self._view[: size - size % 8].cast("d")
         self._places_of_reals = {

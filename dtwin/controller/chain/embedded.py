@@ -16,6 +16,7 @@ from dtwin.controller.runtime import Blocks, running
 from dtwin.signals import ARM_STATES, STOPS, ArmState, Stop
 from iec61499 import model
 from iec61499.library import Library
+from iec61499.native.resource import NativeResource
 
 
 class ChainController:
@@ -59,6 +60,11 @@ class ChainController:
             self.resource.write(name, value)
         self.resource.start()
         self.grips = False
+
+    def check(self, problem: int) -> None:
+        """Raises what blocks returned to machine code: FunctionBlockError, or CommunicationError if none answered."""
+        assert isinstance(self.resource, NativeResource)
+        self.resource.check(problem, ARM)
 
     def step(self, positions: Sequence[float], box: int = 0) -> tuple[float, ...]:
         """The commands that answer a sample, (n,), in the units of the drives.

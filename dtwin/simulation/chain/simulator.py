@@ -21,7 +21,7 @@ from dtwin.equations.rigid import usual_inertia
 from dtwin.errors import DivergenceError, ParameterError
 from dtwin.loop.closed_loop import FINE, LOST, ClosedLoop, Course, Drives, PlantInMemory, Ticks
 from dtwin.run.chain import ChainSettings
-from dtwin.run.chain_ticks import blocks_in_memory
+from dtwin.run.machine_code.chain import blocks_in_memory
 from dtwin.simulation.chain.checks import check_model
 from dtwin.simulation.chain.whatif import ArmChange, ArmOutcome, changed
 
@@ -117,4 +117,5 @@ class ArmSimulator:
             commands.append(np.minimum(np.maximum(command, -drives.limit), drives.limit))
             problem = FINE if plant.advance(drives.constant * commands.pop(0)) else LOST
             resting, k = resting + 1 if blocks.done else 0, k + 1
-        return Ticks(*rows[:, :k], poses[:k], problem)
+        q, readings, target, sent = rows[:, :k]
+        return Ticks(q, readings, target, sent, poses[:k], problem)

@@ -42,7 +42,7 @@ def forbid(monkeypatch: pytest.MonkeyPatch) -> None:
     def refused(*_: object) -> Path:
         raise NativeError("compiled again")
 
-    monkeypatch.setattr(build, "compile_unit", refused)
+    monkeypatch.setattr(build, "compile_files", refused)
 
 
 def test_machine_code_is_kept_for_the_user_alone(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,0 +1,1 @@
+"""Ticks of headless runs in machine code, as long as nothing happens."""
