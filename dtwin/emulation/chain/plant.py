@@ -197,8 +197,9 @@ class ChainPlant:
         self._loaded(mass)
 
     def _loaded(self, mass: float) -> None:
-        change = max(mass, 1e-14) - self._model.body_mass[self._load]
-        self._model.body_mass[self._load] += change
+        mass = max(mass, 1e-14)
+        change = mass - self._model.body_mass[self._load]
+        self._model.body_mass[self._load] = mass  # to the bit, so that holding it on changes nothing
         self._model.body_subtreemass[: self._load + 1] += change  # all bodies hang on one another
 
     def apply(self, commands: Sequence[float]) -> None:
