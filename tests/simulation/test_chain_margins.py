@@ -8,6 +8,7 @@ from dtwin.cli import main
 from dtwin.controller.chain.application import Control
 from dtwin.emulation.chain.arms import arm_of
 from dtwin.emulation.chain.machine import machine_of
+from dtwin.equations.rigid import mass_matrix
 from dtwin.run.chain import ChainSettings, run
 from dtwin.simulation.margins import chain
 from dtwin.simulation.margins.chain import margins
@@ -56,7 +57,27 @@ def test_the_response_of_a_sampled_system_is_that_of_its_equations() -> None:
     matrix = 0.2 * generator.standard_normal((12, 12))
     matrix[:2] = 0.0
     matrix[:2, :2] = [[0.5, 1.0], [0.0, 0.5]]
-    inward, outward = generator.standard_normal((2, 12))
+    inward, outward = generator.standard_normal((12, 3)), generator.standard_normal((2, 12))
     z = np.exp(1j * np.geomspace(1e-3, np.pi, 50))
     expected = [outward @ np.linalg.solve(each * np.eye(12) - matrix, inward) for each in z]
     assert chain._response(matrix, inward, outward, z) == pytest.approx(np.array(expected), rel=1e-9)
+
+
+@pytest.mark.parametrize("late", [0, 2])
+def test_a_loop_is_what_comes_back_while_the_others_are_closed(late: int) -> None:
+    arm, control = arm_of("six-axis"), Control()
+    n, q = len(arm), np.linspace(-0.8, 0.7, len(arm))
+    masses = mass_matrix(arm, q[None])[0] + np.diag([joint.actuator.rotor or 0.0 for joint in arm.joints])
+    plant, law = chain._plant(arm, q, masses, late), chain._law(control, arm.period)
+    z = np.exp(1j * np.geomspace(0.01, np.pi, 25))
+    loops = chain._loops(arm, plant, law, masses, z)
+    viscous = np.diag([joint.friction.viscous for joint in arm.joints])
+    for k, found in enumerate(loops):
+        for at, one in zip(z, found, strict=True):
+            motion = plant[2] @ np.linalg.solve(at * np.eye(len(plant[0])) - plant[0], plant[1])
+            u, friction = (law[2] @ np.linalg.solve(at * np.eye(5) - law[0], law[1]) + law[3])[:, 0]
+            blocks = u * masses + friction * viscous
+            others = np.eye(n)
+            others[k, k] = 0.0
+            inward = np.linalg.solve(np.eye(n) - motion @ others @ blocks, motion[:, k])
+            assert one == pytest.approx(-(blocks @ inward)[k], rel=1e-6)

@@ -87,10 +87,10 @@ def _least(found: list[JointMargins]) -> JointMargins:
 
 def _at(arm: Arm, control: Control, q: Array, masses: Array, late: int) -> list[JointMargins]:
     """Margins of all joints at one pose, (n,), with its mass matrix and the rotors, (n, n), kg m^2."""
-    plant, held = _plant(arm, q, masses, late), _controller(arm, control, masses)
-    closed = _whole(plant, held, np.eye(len(arm)))
-    stable = bool(np.abs(np.linalg.eigvals(closed)).max() < 1.0)
-    return [_broken(arm, plant, held, k, stable) for k in range(len(arm))]
+    plant, law = _plant(arm, q, masses, late), _law(control, arm.period)
+    stable = bool(np.abs(np.linalg.eigvals(_closed(arm, plant, law, masses))).max() < 1.0)
+    w = np.geomspace(_LOWEST, np.pi / arm.period, _FREQUENCIES)
+    return [_margins(loop, w, stable) for loop in _loops(arm, plant, law, masses, np.exp(1j * w * arm.period))]
 
 
 Loop = tuple[Array, Array, Array, Array]
@@ -112,7 +112,7 @@ def _check_masses(arm: Arm, masses: Array) -> None:
 def _plant(arm: Arm, q: Array, masses: Array, late: int) -> Loop:
     """From torques to positions, both (n,), held for a tick and late by whole ticks; states are q, q', what waits."""
     n = len(arm)
-    viscous = np.diag([joint.friction.viscous for joint in arm.joints])
+    viscous = _viscous(arm)
     _check_masses(arm, masses)
     inverse = np.linalg.inv(masses)
     still = np.zeros((n, n))
@@ -136,12 +136,12 @@ def _plant(arm: Arm, q: Array, masses: Array, late: int) -> Loop:
     return a, b, c, np.zeros((n, n))
 
 
-def _controller(arm: Arm, control: Control, masses: Array) -> Loop:
-    """From positions to torques, both (n,): observer, feedback, mass matrix and viscous friction of the blocks.
+def _law(control: Control, ts: float) -> Loop:
+    """From the position of a joint to its acceleration, and to the velocity of its viscous friction, in the blocks.
 
-    The states of a joint are TH, OM, SUM, EXPECTED and LAST of JOINT_FEEDBACK.
+    The states are TH, OM, SUM, EXPECTED and LAST of JOINT_FEEDBACK.
     """
-    n, ts, delay = len(arm), arm.period, control.delay
+    delay = control.delay
     kp, ki, kd = control.gains
     pole = np.exp(-ts * control.observer)
     # each row is one quantity, as weights of the states TH, OM, SUM, EXPECTED, LAST and of the input
@@ -155,43 +155,49 @@ def _controller(arm: Arm, control: Control, masses: Array) -> Loop:
     rate = -(om_after + delay * expected)
     total_after = total + ts * ki * error
     expected_after = kp * error + kd * rate
-    u = expected_after + total_after
-    friction = (kp * error + total_after) / max(kd, 1.0)
     states = np.array([th_after, om_after, total_after, expected_after, expected])
-    viscous = np.diag([joint.friction.viscous for joint in arm.joints])
-    one = np.eye(n)
-    c = np.kron(masses, u[None, :5]) + np.kron(viscous, friction[None, :5])
-    return np.kron(one, states[:, :5]), np.kron(one, states[:, 5:]), c, masses * u[5] + viscous * friction[5]
+    answer = np.array([expected_after + total_after, (kp * error + total_after) / max(kd, 1.0)])
+    return states[:, :5], states[:, 5:], answer[:, :5], answer[:, 5:]
 
 
-def _whole(plant: Loop, held: Loop, fed: Array) -> Array:
-    """Matrix of plant and controller together, whose torques of the joints in `fed`, (n, n), are fed back."""
-    (a, b, c, _), (f, g, h, j) = plant, held
-    return np.block([[a + b @ fed @ j @ c, b @ fed @ h], [g @ c, f]])
+def _viscous(arm: Arm) -> Array:
+    return np.diag([joint.friction.viscous for joint in arm.joints])
 
 
-def _broken(arm: Arm, plant: Loop, held: Loop, k: int, stable: bool) -> JointMargins:
-    """Margins of joint k: its torque is broken, and the others are fed back."""
-    (_, b, c, _), (f, _, h, j) = plant, held
-    others = np.eye(len(arm))
-    others[k, k] = 0.0
-    inward = np.concatenate([b[:, k], np.zeros(len(f))])
-    outward = np.concatenate([(j @ c)[k], h[k]])
-    w = np.geomspace(_LOWEST, np.pi / arm.period, _FREQUENCIES)
-    loop = -_response(_whole(plant, held, others), inward, outward, np.exp(1j * w * arm.period))
-    return _margins(loop, w, stable)
+def _closed(arm: Arm, plant: Loop, law: Loop, masses: Array) -> Array:
+    """Matrix of plant and blocks together."""
+    (a, b, c, _), (f, g, h, j) = plant, law
+    one, viscous = np.eye(len(arm)), _viscous(arm)
+    fed = np.kron(masses, h[0]) + np.kron(viscous, h[1])
+    direct = masses * j[0] + viscous * j[1]
+    return np.block([[a + b @ direct @ c, b @ fed], [np.kron(one, g) @ c, np.kron(one, f)]])
 
 
-def _response(matrix: Array, inward: Array, outward: Array, z: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """c (z - A)^-1 b at every z, (N,), with one Schur form of A for all (Laub 1981, there with Hessenberg's)."""
-    triangle, turn = schur(matrix, output="complex", check_finite=False)
-    right, left = turn.conj().T @ inward, outward @ turn
-    states = np.zeros((len(right), len(z)), dtype=np.complex128)
+def _loops(
+    arm: Arm, plant: Loop, law: Loop, masses: Array, z: NDArray[np.complex128]
+) -> list[NDArray[np.complex128]]:
+    """The gain of the loop of each joint while the others are closed, (N,) each, at every z, (N,).
+
+    With the blocks' K and the plant's P, S = (I - K P)^-1 leads from what is added to the torques to the torques.
+    What joint k sees of a torque of its own, while the others are closed, is S_kk = 1 / (1 + L_k) (Skogestad and
+    Postlethwaite, 3.2).
+    """
+    motion = _response(*plant[:3], z)
+    u, friction = (_response(*law[:3], z) + law[3])[:, :, 0].T
+    blocks = u[:, None, None] * masses + friction[:, None, None] * _viscous(arm)
+    seen = np.linalg.inv(np.eye(len(arm)) - blocks @ motion)
+    return [1.0 / seen[:, k, k] - 1.0 for k in range(len(arm))]
+
+
+def _response(a: Array, b: Array, c: Array, z: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """C (z - A)^-1 B at every z, (N, p, m), with one Schur form of A for all (Laub 1981, there with Hessenberg's)."""
+    triangle, turn = schur(a, output="complex", check_finite=False)
+    right, left = turn.conj().T @ b, c @ turn
+    states = np.zeros((len(right), right.shape[1], len(z)), dtype=np.complex128)
     for row in range(len(right) - 1, -1, -1):
-        states[row] = (right[row] + np.einsum("k,kn->n", triangle[row, row + 1 :], states[row + 1 :])) / (
-            z - triangle[row, row]
-        )
-    found: NDArray[np.complex128] = np.einsum("k,kn->n", left, states)
+        after = np.tensordot(triangle[row, row + 1 :], states[row + 1 :], 1)
+        states[row] = (right[row, :, None] + after) / (z - triangle[row, row])
+    found: NDArray[np.complex128] = np.einsum("pk,kmn->npm", left, states, optimize=True)
     return found
 
 
