@@ -185,7 +185,7 @@ def _loops(
     motion = _response(*plant[:3], z)
     u, friction = (_response(*law[:3], z) + law[3])[:, :, 0].T
     blocks = u[:, None, None] * masses + friction[:, None, None] * _viscous(arm)
-    seen = np.linalg.inv(np.eye(len(arm)) - blocks @ motion)
+    seen: NDArray[np.complex128] = np.linalg.inv(np.eye(len(arm)) - blocks @ motion)
     return [1.0 / seen[:, k, k] - 1.0 for k in range(len(arm))]
 
 
