@@ -240,11 +240,11 @@ class Drives:
         return False
 
     def _add(self, log: Filtered) -> None:
-        causes = self._expected.causes(log)
+        innovation, causes = self._expected.evidence(log)
         self._names = tuple(causes)
         columns = np.stack(list(causes.values()), axis=2)
         self._times = np.concatenate([self._times, log.t])
-        self._innovation = np.concatenate([self._innovation, self._expected.innovation(log)])
+        self._innovation = np.concatenate([self._innovation, innovation])
         self._columns = np.concatenate([self._columns, columns]) if self._columns.shape[2] else columns
 
     def _shorten(self) -> None:

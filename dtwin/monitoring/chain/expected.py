@@ -8,10 +8,12 @@ parameters that its motion does not show stay at the data sheet's.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
-from scipy.signal import savgol_filter
+from numpy.lib.stride_tricks import sliding_window_view
+from scipy.signal import savgol_coeffs
 
 from dtwin.arm.chain import Arm, Array, steiner
 from dtwin.equations.rigid import inverse_dynamics, regressor
@@ -54,13 +56,22 @@ def filtered(arm: Arm, t: Array, q: Array, effort: Array) -> Filtered:
     if len(t) < WINDOW:
         raise RecordingError(f"expected at least {WINDOW} samples, got {len(t)}")
     half = WINDOW // 2
-    kept = slice(half, len(t) - half, EVERY)
+    weights = _filter(arm.period)
+    positions, efforts = (sliding_window_view(values, WINDOW, axis=0)[::EVERY] for values in (q, effort))
+    q, qd, qdd = np.einsum("njw,ow->onj", positions, weights)
+    acting = np.einsum("njw,w->nj", efforts, weights[0])
+    return Filtered(t[half : len(t) - half : EVERY], q, qd, qdd, acting)
 
-    def taken(values: Array, order: int) -> Array:
-        found: Array = savgol_filter(values, WINDOW, 3, order, arm.period, axis=0)[kept]
-        return found
 
-    return Filtered(t[kept], taken(q, 0), taken(q, 1), taken(q, 2), taken(effort, 0))
+@lru_cache(maxsize=8)
+def _filter(period: float) -> Array:
+    """Weights of the samples in a window for the value in its middle, its change and the change of that, (3, WINDOW).
+
+    Only windows that are full count, so that samples are filtered alike however many come at once.
+    """
+    orders = (savgol_coeffs(WINDOW, 3, order, period, use="dot") for order in range(3))
+    found: Array = np.array(list(orders))
+    return found
 
 
 class Expected:
@@ -108,13 +119,10 @@ class Expected:
         self._now[11 * n : 14 * n] *= np.tile(friction, 3)
         self._now[10 * (n - 1) : 10 * n] += load * self._mass
 
-    def innovation(self, log: Filtered) -> Array:
-        """What the commands are beyond their expectation, (N, n), in parts of the noise; 0 where nobody knows."""
-        found: Array = self._weights(log) * (log.effort - self._columns(log) @ self._now) / self.noise
-        return found
+    def evidence(self, log: Filtered) -> tuple[Array, dict[str, Array]]:
+        """What the commands are beyond their expectation, (N, n), in parts of the noise; 0 where nobody knows.
 
-    def causes(self, log: Filtered) -> dict[str, Array]:
-        """What each cause adds to the innovation for a unit of its size, (N, n), by its name.
+        And what each cause adds to this innovation for a unit of its size, (N, n), by its name.
 
         K1: part of the constant of the drive of joint 1 that was lost; friction1: further friction in parts of what
         there is; load: kg; bias1: rad or m that the encoder reads too much; push1: N m or N.
@@ -125,6 +133,7 @@ class Expected:
         friction = np.einsum("njp,p->nj", columns[:, :, 11 * n : 14 * n], self._now[11 * n : 14 * n])
         load = columns[:, :, 10 * (n - 1) : 10 * n] @ self._mass
         slopes = self._slopes(log)
+        innovation: Array = scale * (log.effort - columns @ self._now)
         found: dict[str, Array] = {"load": scale * load}
         for j in range(n):
             own = np.zeros(n)
@@ -135,7 +144,7 @@ class Expected:
                 f"bias{j + 1}": -scale * slopes[j] / self._constant,
                 f"push{j + 1}": -scale * own / self._constant,
             }
-        return found
+        return innovation, found
 
     def _slopes(self, log: Filtered) -> Array:
         """How the torques change with each position, (n, N, n), all in one pass: few samples cost as much as many."""
