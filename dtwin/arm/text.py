@@ -69,6 +69,8 @@ def _joint_lines(joint: Joint) -> list[str]:
         "viscous": joint.friction.viscous or math.inf,
         "coulomb": joint.friction.coulomb or math.inf,
         "rotor": joint.actuator.rotor or math.inf,
+        "constant": math.inf if joint.actuator.constant is None else joint.actuator.constant,
+        "limit": joint.actuator.limit,
     }
     lines = [
         f"# the model has: {', '.join(f'{key} {value:.6g}' for key, value in said.items() if math.isfinite(value))}"

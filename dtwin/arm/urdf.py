@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 from lxml import etree
 
-from dtwin.arm.chain import Arm, Array, Joint, JointKind, Link, steiner
+from dtwin.arm.chain import Arm, Array, Friction, Joint, JointKind, Link, steiner
 from dtwin.arm.tip import ends_of, fingers_begin
 from dtwin.errors import ModelError, choices
 
@@ -271,7 +271,23 @@ def _joint(file: _File, edge: _Edge, rotation: Array, translation: Array) -> Joi
             raise file.error(limit, f"joint {edge.name}: expected lower below upper, got {got}")
     if edge.kind == "continuous":
         bounds |= {"lower": -np.inf, "upper": np.inf}
+    bounds["friction"] = _friction(file, edge)
     return Joint(edge.name, _KINDS[edge.kind], axis / length, rotation, translation, **bounds)
+
+
+def _friction(file: _File, edge: _Edge) -> Friction:
+    """What <dynamics> says that a joint loses; what is left out there is 0."""
+    dynamics = edge.element.find("dynamics")
+    if dynamics is None:
+        return Friction()
+    found = {ours: file.number(dynamics, name) for name, ours in _LOSSES.items() if dynamics.get(name)}
+    for name, ours in _LOSSES.items():
+        if found.get(ours, 0.0) < 0.0:
+            raise file.error(dynamics, f"joint {edge.name}: expected {name} of at least 0, got {found[ours]:g}")
+    return Friction(**found)
+
+
+_LOSSES: Final = {"damping": "viscous", "friction": "coulomb"}
 
 
 _BOUNDS: Final = {"lower": "lower", "upper": "upper", "velocity": "speed", "effort": "effort"}

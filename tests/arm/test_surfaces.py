@@ -1,4 +1,4 @@
-"""Models whose meshes are surfaces, as heads and labels of robots often are: MuJoCo finds no volume in them."""
+"""Models whose meshes are surfaces, in which MuJoCo finds no volume, or are not there."""
 
 from pathlib import Path
 
@@ -31,3 +31,13 @@ def test_a_surface_is_drawn_where_its_link_has_an_inertia(tmp_path: Path) -> Non
 def test_a_mass_that_would_come_of_a_surface_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ModelError, match="mesh volume is too small"):
         arm_of(model(tmp_path, ""))
+
+
+def test_a_mesh_that_is_not_there_is_not_drawn(tmp_path: Path) -> None:
+    file = model(tmp_path, INERTIAL)
+    (tmp_path / "flat.obj").unlink()
+    assert arm_of(file).links[0].mass == 2.0
+    file = model(tmp_path, "")
+    (tmp_path / "flat.obj").unlink()
+    with pytest.raises(ModelError, match=r"Error opening file 'flat\.obj'"):
+        arm_of(file)

@@ -14,8 +14,11 @@ from typing import Any, Final
 import mujoco
 import numpy as np
 
-from dtwin.arm.chain import Actuator, Arm, Array, Commanded, Friction, Joint, Link, steiner
+from dtwin.arm.chain import Arm, Array, Joint, Link, steiner
 from dtwin.arm.tip import ends_of, fingers_begin
+from dtwin.emulation.chain.drives import Drive, Drives
+from dtwin.emulation.chain.names import body_name, joint_name
+from dtwin.emulation.chain.unmodelled import has_gravity, unmodelled
 from dtwin.emulation.model import one_line
 from dtwin.errors import ModelError, choices
 from dtwin.files import reason_of
@@ -61,9 +64,9 @@ def read_mjcf(path: Path, tip: str | None = None) -> Arm:
     """
     model = compiled(path)
     chain = _chain(path, model, tip)
-    _refuse_constraints(path, model, chain)
-    joints, links = [], []
-    remarks = [] if tip or not _has_fingers(model, chain[-1]) else [fingers_begin(model.body(chain[-1]).name)]
+    held = list(_constraints(path, model, chain))
+    joints, links, drives = [], [], Drives(model)
+    remarks = [] if tip or not _has_fingers(model, chain[-1]) else [fingers_begin(body_name(model, chain[-1]))]
     frame = _Frame(np.eye(3), np.zeros(3))
     anchor = np.zeros(3)
     for body in chain:
@@ -72,11 +75,13 @@ def read_mjcf(path: Path, tip: str | None = None) -> Arm:
         for count, number in enumerate(numbers, start=1):
             position = model.jnt_pos[number]
             frame = _Frame(frame.rotation, frame.translation + frame.rotation @ (position - anchor))
-            joints.append(_joint(path, model, number, frame))
+            drive = drives.of(number)
+            joints.append(_joint(path, model, number, frame, drive))
+            remarks += drive.remarks
             frame, anchor = _Frame(np.eye(3), np.zeros(3)), position
-            name = model.body(body).name or f"body {body}"
+            name = body_name(model, body)
             if count < len(numbers):
-                links.append(Link(f"{name} before {model.joint(numbers[count]).name}", 0.0, *_empty()))
+                links.append(Link(f"{name} before {joint_name(model, numbers[count])}", 0.0, *_empty()))
                 continue
             carried, frozen = _welded(model, body, set(chain))
             remarks += [f"joint {joint} is not in the chain: it is welded at 0" for joint in frozen]
@@ -84,12 +89,17 @@ def read_mjcf(path: Path, tip: str | None = None) -> Arm:
         if numbers:
             frame, anchor = _Frame(np.eye(3), -anchor), np.zeros(3)
     tool = frame.translation + frame.rotation @ _tool(model, chain[-1])
-    gravity = np.array(model.opt.gravity)
+    gravity = np.array(model.opt.gravity) * has_gravity(model)
+    remarks += [*held, *_unmodelled(model, chain)]
     return Arm(path.stem, tuple(joints), tuple(links), gravity, tuple(remarks), tool)
 
 
 _FLAT: Final = "mesh volume is too small"
 """What MuJoCo says of a mesh that is a surface."""
+_ABSENT: Final = "Error opening file"
+"""What it says of a mesh or texture that is not there."""
+_PART: Final = "mujocoinclude"
+"""Root of a file that others include."""
 
 
 def compiled(path: Path) -> mujoco.MjModel:
@@ -105,19 +115,27 @@ def compiled(path: Path) -> mujoco.MjModel:
     except OSError as error:
         raise ModelError(f"{path}: cannot be read: {reason_of(error)}") from None
     except ValueError as error:
-        found = _without_volumes(path) if _FLAT in str(error) else None
+        found = _with_other_meshes(path, str(error))
         if found is None:
-            raise ModelError(one_line(path, str(error))) from None
+            raise ModelError(one_line(path, str(error)) + _hint(str(error))) from None
         return found
 
 
-def _without_volumes(path: Path) -> mujoco.MjModel | None:
-    """The model of a file whose meshes, some of which are surfaces, are drawn alone; None if a mass needs one."""
+def _hint(message: str) -> str:
+    return "; this is a part, which a file with a root <mujoco> includes" if _PART in message else ""
+
+
+def _with_other_meshes(path: Path, message: str) -> mujoco.MjModel | None:
+    """The model of a file whose meshes are surfaces or are not there, and draw alone; None if a mass needs one."""
+    if _FLAT not in message and _ABSENT not in message:
+        return None
     spec = mujoco.MjSpec.from_file(str(path))
     for body in spec.bodies:
         shapes = any(geom.type == mujoco.mjtGeom.mjGEOM_MESH for geom in body.geoms)
         if shapes and body.name != "world" and not body.explicitinertial:
             return None
+    if _ABSENT in message:
+        _delete_meshes(spec)
     for mesh in spec.meshes:
         mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
     try:
@@ -126,17 +144,27 @@ def _without_volumes(path: Path) -> mujoco.MjModel | None:
         return None
 
 
+def _delete_meshes(spec: mujoco.MjSpec) -> None:
+    """Takes away what is drawn from files that are not there."""
+    for geom in [geom for geom in spec.geoms if geom.type == mujoco.mjtGeom.mjGEOM_MESH]:
+        spec.delete(geom)
+    for drawn in (*spec.geoms, *spec.sites, *spec.tendons):
+        drawn.material = ""
+    for asset in (*spec.meshes, *spec.materials, *spec.textures):
+        spec.delete(asset)
+
+
 def _empty() -> tuple[Array, Array]:
     return np.zeros(3), np.zeros((3, 3))
 
 
 def _chain(path: Path, model: mujoco.MjModel, tip: str | None) -> list[int]:
     """The bodies from the one above the world to the last one."""
-    names = [model.body(body).name for body in range(1, model.nbody)]
+    names = [body_name(model, body) for body in range(1, model.nbody)]
     if tip is not None:
         if tip not in names:
             raise ModelError(f"{path}: tip {tip!r}: expected one of the bodies, {choices(names)}")
-        end = model.body(tip).id
+        end = 1 + names.index(tip)
         found = list(_above(model, end))
     else:
         moved = {
@@ -149,7 +177,7 @@ def _chain(path: Path, model: mujoco.MjModel, tip: str | None) -> list[int]:
             raise ModelError(f"{path}: expected a body that a hinge or slide moves, got none")
         ends = ends_of([[(above, moved[above]) for above in _above(model, body)][::-1] for body in last])
         if len(ends) != 1:
-            said = choices([model.body(body).name for body in ends])
+            said = choices([body_name(model, body) for body in ends])
             raise ModelError(f"{path}: expected a tip, as several chains have {most} joints: {said}")
         found = list(_above(model, ends[0]))
     if not any(_joints_of(model, body) for body in found):
@@ -188,33 +216,50 @@ def _matrix(quaternion: Any) -> Array:
     return turn.reshape(3, 3)
 
 
-def _refuse_constraints(path: Path, model: mujoco.MjModel, chain: list[int]) -> None:
-    """Refuses what makes a chain no chain: closed loops, and joints that follow others."""
+def _unmodelled(model: mujoco.MjModel, chain: list[int]) -> Iterator[str]:
+    numbers = [number for body in chain for number in _joints_of(model, body)]
+    first = next(body for body in chain if _joints_of(model, body))
+    return unmodelled(model, numbers, [body for body in range(first, model.nbody) if first in _above(model, body)])
+
+
+def _constraints(path: Path, model: mujoco.MjModel, chain: list[int]) -> Iterator[str]:
+    """What holds the chain from outside, as remarks.
+
+    Raises:
+        ModelError: a constraint makes of the chain no chain: a closed loop, or a joint that follows another one.
+    """
     numbers = {number for body in chain for number in _joints_of(model, body)}
-    bodies = set(chain)
     for k in range(model.neq):
         name = model.equality(k).name or f"equality {k + 1}"
         kind, first, second = mujoco.mjtEq(int(model.eq_type[k])), int(model.eq_obj1id[k]), int(model.eq_obj2id[k])
         if kind == mujoco.mjtEq.mjEQ_JOINT and first in numbers:
-            follows = model.joint(second).name if second >= 0 else "a constant"
+            follows = joint_name(model, second) if second >= 0 else "a constant"
             raise ModelError(
-                f"{path}: joint {model.joint(first).name} follows {follows} ({name}): expected joints that move by "
+                f"{path}: joint {joint_name(model, first)} follows {follows} ({name}): expected joints that move by "
                 "themselves"
             )
-        if kind in (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD) and _holds(model, k, bodies):
-            raise ModelError(f"{path}: {name}: expected a tree, got a closed loop")
+        ends = _ends(model, k) if kind in (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD) else []
+        if not set(ends) & set(chain):
+            continue
+        if not model.eq_active0[k] or any(model.body_mocapid[end] >= 0 for end in ends):
+            yield f"{name} between {body_name(model, ends[0])} and {body_name(model, ends[1])} is left out"
+            continue
+        raise ModelError(
+            f"{path}: {name} between {body_name(model, ends[0])} and {body_name(model, ends[1])}: expected a tree, "
+            "got a closed loop"
+        )
 
 
-def _holds(model: mujoco.MjModel, k: int, bodies: set[int]) -> bool:
-    """Whether a connection holds a body of the chain; its ends are bodies, or sites of them."""
+def _ends(model: mujoco.MjModel, k: int) -> list[int]:
+    """The bodies that a connection holds; its ends are bodies, or sites of them."""
     ends = [int(model.eq_obj1id[k]), int(model.eq_obj2id[k])]
     if int(model.eq_objtype[k]) == int(mujoco.mjtObj.mjOBJ_SITE):
         ends = [int(model.site_bodyid[end]) for end in ends]
-    return bool(set(ends) & bodies)
+    return ends
 
 
-def _joint(path: Path, model: mujoco.MjModel, number: int, frame: _Frame) -> Joint:
-    name = model.joint(number).name or f"joint_{number + 1}"
+def _joint(path: Path, model: mujoco.MjModel, number: int, frame: _Frame, drive: Drive) -> Joint:
+    name = joint_name(model, number)
     kind = _KINDS.get(int(model.jnt_type[number]))
     if kind is None:
         raise ModelError(f"{path}: joint {name}: expected a hinge or a slide, got a ball or a free joint")
@@ -225,12 +270,7 @@ def _joint(path: Path, model: mujoco.MjModel, number: int, frame: _Frame) -> Joi
         frame = frame.then(_Frame(_matrix(turn), np.zeros(3)))
     elif offset:
         frame = frame.then(_Frame(np.eye(3), -offset * axis))
-    degree = int(model.jnt_dofadr[number])
     lower, upper = (-np.inf, np.inf) if not model.jnt_limited[number] else map(float, model.jnt_range[number])
-    effort = np.inf
-    if model.jnt_actfrclimited[number]:
-        effort = float(np.abs(model.jnt_actfrcrange[number]).min())
-    effort = min(effort, _servo_force(model, number))
     return Joint(
         name,
         kind,  # type: ignore[arg-type]  # one of the values of _KINDS
@@ -239,44 +279,10 @@ def _joint(path: Path, model: mujoco.MjModel, number: int, frame: _Frame) -> Joi
         frame.translation,
         lower,
         upper,
-        effort=effort,
-        actuator=_actuator(model, number, float(model.dof_armature[degree])),
-        friction=Friction(float(model.dof_damping[degree]), float(model.dof_frictionloss[degree])),
+        effort=drive.effort,
+        actuator=drive.actuator,
+        friction=drive.friction,
     )
-
-
-def _servo_force(model: mujoco.MjModel, number: int) -> float:
-    """Largest torque of the position servo of a joint; inf where there is none, or nothing says it."""
-    for k in range(model.nu):
-        of_joint = int(model.actuator_trntype[k]) == int(mujoco.mjtTrn.mjTRN_JOINT)
-        servo = int(model.actuator_biastype[k]) != int(mujoco.mjtBias.mjBIAS_NONE)
-        if of_joint and servo and int(model.actuator_trnid[k, 0]) == number and model.actuator_forcelimited[k]:
-            return float(np.abs(model.actuator_forcerange[k] * model.actuator_gear[k, 0]).min())
-    return np.inf
-
-
-def _actuator(model: mujoco.MjModel, number: int, rotor: float) -> Actuator:
-    """The drive of a joint, as far as MJCF says: a gain without bias is a torque a unit, a position servo is told."""
-    for k in range(model.nu):
-        of_joint = int(model.actuator_trntype[k]) == int(mujoco.mjtTrn.mjTRN_JOINT)
-        if not of_joint or int(model.actuator_trnid[k, 0]) != number:
-            continue
-        limit = float(np.abs(model.actuator_ctrlrange[k]).min()) if model.actuator_ctrllimited[k] else np.inf
-        gain = float(model.actuator_gainprm[k, 0] * model.actuator_gear[k, 0])
-        plain = int(model.actuator_biastype[k]) == int(mujoco.mjtBias.mjBIAS_NONE)
-        if not plain:
-            spring, damping = (-float(model.actuator_biasprm[k, 1 + i] * model.actuator_gear[k, 0]) for i in (0, 1))
-            known = gain > 0.0 and np.isclose(spring, gain) and damping >= 0.0
-            servo: Commanded = "position"
-            turned = float(model.actuator_gear[k, 0])  # the servo sees the position times its gear
-            return Actuator(
-                servo,
-                rotor=rotor,
-                stiffness=gain if known and turned == 1.0 else None,
-                damping=damping if known and turned == 1.0 else 0.0,
-            )
-        return Actuator("torque", gain or None, rotor=rotor, limit=limit)
-    return Actuator(rotor=rotor)
 
 
 def _welded(model: mujoco.MjModel, body: int, chain: set[int]) -> tuple[_Body, list[str]]:
@@ -288,7 +294,7 @@ def _welded(model: mujoco.MjModel, body: int, chain: set[int]) -> tuple[_Body, l
     for child in range(body + 1, model.nbody):
         if int(model.body_parentid[child]) != body or (child in chain and _joints_of(model, child)):
             continue
-        frozen += [model.joint(number).name for number in _joints_of(model, child)]
+        frozen += [joint_name(model, number) for number in _joints_of(model, child)]
         part, more = _welded(model, child, chain)
         found, frozen = _together(found, _shifted(part, _place(model, child))), frozen + more
     return found, frozen

@@ -10,8 +10,8 @@ import numpy as np
 from dtwin.arm.chain import Arm, Array, Joint
 from dtwin.errors import ModelError
 
-LOAD: Final = "load"
-"""Name of the body at the tool that gets the mass of what is held."""
+LOAD: Final = "held load"
+"""Name of the body at the tool that gets the mass of what is held; no link of an arm is called so."""
 _NOTHING: Final = 1e-14
 """Mass (kg) and inertia (kg m^2) of a body that has none: MuJoCo wants something."""
 

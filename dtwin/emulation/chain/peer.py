@@ -21,7 +21,7 @@ import mujoco
 import numpy as np
 
 from dtwin.arm.chain import Arm, Array, steiner
-from dtwin.emulation.chain.model import chain_spec
+from dtwin.emulation.chain.model import LOAD, chain_spec
 from dtwin.emulation.peer import is_installed
 from dtwin.errors import DtwinError
 
@@ -147,7 +147,7 @@ def _size(residual: Any, parameters: Any, joints: int) -> float:
 def _spec(arm: Arm, dt: float) -> Any:
     spec = chain_spec(arm, dt)
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    spec.delete(spec.body("load"))
+    spec.delete(spec.body(LOAD))
     for joint in arm.joints:
         spec.add_sensor(
             name=_sensor(joint.name),
