@@ -17,6 +17,11 @@ _SHOWN: Final = 40
 """Number of characters of a wrong name that are shown."""
 
 
+def counted(number: int, one: str, many: str = "") -> str:
+    """A number with what it counts, such as 1 joint or 2 joints; `many` is `one` with an s if it is not given."""
+    return f"{number} {one if number == 1 else many or one + 's'}"
+
+
 def check_name(name: str, what: str, failure: type[DtwinError] = ParameterError) -> str:
     """A name, if it is one.
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from dtwin.arm.chain import Arm, Joint
 from dtwin.arm.file import meaning, missing
+from dtwin.names import counted
 
 
 def imported(chain: Arm, model: str, tip: str | None) -> str:
@@ -18,7 +19,8 @@ def imported(chain: Arm, model: str, tip: str | None) -> str:
         tip: last link that a person asked for.
     """
     name = Path(model).name
-    lines = [f"# {chain.name}: {len(chain)} joints, from {name}. Lines that begin with `# add` are for a person."]
+    size = counted(len(chain), "joint")
+    lines = [f"# {chain.name}: {size}, from {name}. Lines that begin with `# add` are for a person."]
     lines += [f"# {remark}" for remark in chain.remarks]
     lines += [f'model = "{model}"', *([f'tip = "{tip}"'] if tip else []), "period = 0.01                  # s"]
     for joint in chain.joints:
@@ -38,11 +40,9 @@ _TOLERANCES = (
 def summary(arm: Arm) -> list[str]:
     """What an arm is, as lines for people."""
     reach = sum(float((joint.translation @ joint.translation) ** 0.5) for joint in arm.joints)
-    mass = sum(link.mass for link in arm.links)
+    mass, size = sum(link.mass for link in arm.links), counted(len(arm), "joint")
     held = f", holds {arm.gripper.payload:g} kg" if arm.gripper else ""
-    lines = [
-        f"{arm.name}: {len(arm)} joints, {mass:.3g} kg, joints {reach:.3g} m along{held}, {arm.period:g} s a tick"
-    ]
+    lines = [f"{arm.name}: {size}, {mass:.3g} kg, joints {reach:.3g} m along{held}, {arm.period:g} s a tick"]
     return lines + [f"note: {remark}" for remark in arm.remarks]
 
 

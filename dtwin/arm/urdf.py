@@ -17,6 +17,7 @@ from lxml import etree
 from dtwin.arm.chain import Arm, Array, Friction, Joint, JointKind, Link, steiner
 from dtwin.arm.tip import ends_of, fingers_begin
 from dtwin.errors import ModelError, choices
+from dtwin.names import counted
 
 _LARGEST: Final = 16_000_000
 """Largest size of a file that is read, bytes: descriptions of robots have some ten thousand."""
@@ -215,7 +216,7 @@ def _tip(file: _File, start: str) -> str:
     ends = ends_of(paths)
     if len(ends) != 1:
         raise ModelError(
-            f"{file.path}: expected a tip, as several chains have {most} joints: {choices(sorted(ends))}"
+            f"{file.path}: expected a tip, as several chains have {counted(most, 'joint')}: {choices(sorted(ends))}"
         )
     return ends[0]
 

@@ -28,6 +28,8 @@ _OUT_OF_PLACE: Final = 10.0
 """Distance from it, in steps of all neighbours, that no gap explains for a few rows alone."""
 _LOST: Final = 0.5
 """Share of rows that may be left out."""
+_LEAST: Final = 20
+"""Rows below which a log says nothing."""
 _TURN: Final = 2.0 * np.pi
 
 
@@ -43,6 +45,8 @@ def measurement_of(table: Table, columns: ColumnMap, arm: Arm | None = None) -> 
         RecordingError: something is wrong that cannot be put right; the message names column and row.
     """
     rows = Rows(table, columns)
+    if rows.count < _LEAST:
+        raise RecordingError(f"{table.source}: expected at least {_LEAST} rows, got {rows.count}")
     for name, role in columns.roles().items():
         rows.arrays[name] = _in_units(table, name, role)
     rows.arrays["t"] = _stamps(table, columns)
@@ -59,11 +63,11 @@ def measurement_of(table: Table, columns: ColumnMap, arm: Arm | None = None) -> 
     jumps.jumps(rows)
     repairs.clipped(rows)
     repairs.held(rows)
-    if len(rows.row) < max(20, (1.0 - _LOST) * rows.count):
+    if len(rows.row) < max(_LEAST, (1.0 - _LOST) * rows.count):
         worst = max(rows.odd, key=lambda odd: odd.count, default=None)
         lost = f"{rows.count - len(rows.row)} of {rows.count} rows cannot be used"
         if worst is None:
-            raise RecordingError(f"{table.source}: {lost}: expected at least 20")
+            raise RecordingError(f"{table.source}: {lost}: expected at least {_LEAST}")
         place = f"column {worst.column or columns.time or columns.position.columns[0]}, row {max(worst.row, 0)}"
         raise RecordingError(f"{table.source}: {place}: {worst.what}; {lost}, {worst.count} of them for that")
     repairs.velocities(rows)
@@ -93,7 +97,8 @@ def _stamps(table: Table, columns: ColumnMap) -> Array:
         return table.columns[columns.time] * TIME[columns.time_unit]
     if not columns.rate > 0.0:
         raise RecordingError(
-            f"{table.source}: no column of stamps: expected time, or rate (rows a second), in the map"
+            f"{table.source}: no column of stamps: expected time, or rate (rows a second), in a map of columns "
+            f"(--columns); the file has {', '.join(table.columns)}"
         )
     return table.rows / columns.rate
 

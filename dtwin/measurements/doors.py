@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 import zipfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
@@ -28,6 +28,8 @@ _LARGEST: Final = 2_000_000_000
 """Largest file that is read, bytes."""
 _DAMAGED: Final = 0.02
 """Largest share of rows that may be damaged; a file with more is read with the wrong delimiter, or is no table."""
+_WORDS: Final = 0.9
+"""Share of words from which on a column is one of words, such as modes, and not one of damaged numbers."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,6 +43,7 @@ class Table:
         oddities: what was left out.
         named: whether the file names its columns.
         units: units that the file tells apart from the names, by column.
+        stamps: columns that held times of day or dates.
     """
 
     source: str
@@ -49,6 +52,7 @@ class Table:
     oddities: tuple[Oddity, ...] = ()
     named: bool = True
     units: Mapping[str, str] = field(default_factory=dict)
+    stamps: tuple[str, ...] = ()
 
 
 def read_table(path: Path) -> Table:
@@ -86,8 +90,10 @@ def _csv(path: Path) -> Table:
 
 def _rows(path: Path, text: Cells) -> Table:
     """The rows that are whole; the others are told, as long as they are few."""
-    names = text.names
     stamps = _stamps(text)
+    text, words = _without_words(text, stamps)
+    stamps = _stamps(text) if words else stamps
+    names = text.names
     kept, numbers, odd = [], [], []
     for place, row in enumerate(text.fields):
         at = text.first + place
@@ -107,10 +113,31 @@ def _rows(path: Path, text: Cells) -> Table:
     if not numbers:
         raise RecordingError(f"{path}: expected rows of numbers, got a header alone")
     table = np.array(numbers, dtype=np.float64)
-    told = tuple(Oddity(f"row {first} is damaged and left out: {why}", True, "", first, 1) for first, why in odd)
-    return Table(
-        str(path), dict(zip(names, table.T, strict=True)), np.array(kept), told, text.named, units=text.units
-    )
+    told = [Oddity(f"row {first} is damaged and left out: {why}", True, "", first, 1) for first, why in odd]
+    told += _left_out(words)
+    columns = dict(zip(names, table.T, strict=True))
+    times = tuple(names[column] for column in stamps)
+    return Table(str(path), columns, np.array(kept), tuple(told), text.named, text.units, times)
+
+
+def _without_words(text: Cells, stamps: Collection[int]) -> tuple[Cells, list[str]]:
+    """The text without columns of words, such as modes and states, and their names; all words stay as they are."""
+    whole = [row for row in text.fields if len(row) == len(text.names)]
+    words = [
+        column
+        for column in range(len(text.names))
+        if column not in stamps and sum(number(row[column]) is None for row in whole) >= _WORDS * len(whole) > 0
+    ]
+    if not text.named or len(words) == len(text.names):
+        return text, []
+    kept = [column for column in range(len(text.names)) if column not in words]
+    fields = [[row[k] for k in kept] if len(row) == len(text.names) else row for row in text.fields]
+    names = [text.names[k] for k in kept]
+    return replace(text, names=names, fields=fields), [text.names[k] for k in words]
+
+
+def _left_out(columns: Sequence[str]) -> list[Oddity]:
+    return [Oddity(f"columns without numbers are left out: {', '.join(columns)}", True)] if columns else []
 
 
 def _stamps(text: Cells) -> dict[int, list[float | None]]:
@@ -153,15 +180,14 @@ def _arrow(source: str, table: pa.Table, names: Mapping[str, list[str]]) -> Tabl
         left += [] if found or not len(column) else [name]
     if not columns:
         raise RecordingError(f"{source}: expected columns of numbers, got {', '.join(left) or 'none'}")
-    told = (Oddity(f"columns without numbers are left out: {', '.join(left)}", True),) if left else ()
-    return Table(source, columns, np.arange(len(table)), told)
+    times = tuple(n for n in columns if n in table.column_names and not _numeric(table.column(n).type))
+    return Table(source, columns, np.arange(len(table)), tuple(_left_out(left)), stamps=times)
 
 
 def _single(name: str, column: pa.Array) -> dict[str, Array]:
     """A column of one value a row: numbers, decimals, times, and times in words; nothing of others."""
     kind = column.type
-    numeric = (pa.types.is_floating, pa.types.is_integer, pa.types.is_boolean, pa.types.is_decimal)
-    if any(of(kind) for of in numeric):
+    if _numeric(kind):
         numbers = column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False)
         return {name: np.asarray(numbers, dtype=np.float64)}
     if pa.types.is_timestamp(kind) or pa.types.is_duration(kind):
@@ -172,6 +198,11 @@ def _single(name: str, column: pa.Array) -> dict[str, Array]:
         seconds = seconds_of([word or "" for word in column.to_pylist()])
         return {} if seconds is None else {name: seconds}
     return {}
+
+
+def _numeric(kind: pa.DataType) -> bool:
+    numeric = (pa.types.is_floating, pa.types.is_integer, pa.types.is_boolean, pa.types.is_decimal)
+    return any(of(kind) for of in numeric)
 
 
 def _stacked(source: str, name: str, rows: list[Any], names: list[str] | None) -> dict[str, Array]:

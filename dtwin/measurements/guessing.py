@@ -22,14 +22,14 @@ _NAMES: Final = {
     "motor": r"((motor|rotor)_?(pos|angle)|(pos|angle|theta)_?(motor|rotor)|^q_?m(otor)?_?\d|^theta_?m_?\d)",
     "command": r"(^action\b|cmd|command|target|desired|goal|setpoint|_des\b|des_|_ref\b)",
     "velocity": r"(^qd\b|^q?d_?q|^qd\d|_qd(_|\d|\[|\b)|^dq|^v\d|vel|qdot|omega|speed)",
-    "effort": r"(tau|torq|effort|curr(?!ent_?(joint_?)?(pos|ang|state|q))|^i_?\d|amp|volt|load)",
+    "effort": r"(tau|torq|effort|^eff_?\d|curr(?!ent_?(joint_?)?(pos|ang|state|q))|^i_?\d|amp|volt|load)",
     "temperature": r"(temp)",
     "position": (
         r"(^q\b|^q_?\d|^q\.|^(actual|meas\w*|present)_q|pos|angle|theta|joint|observation\.state|state|measured)"
     ),
 }
 _TIME_NAMES: Final = (
-    r"_*(t|time|timestamp|stamp|sec|seconds|elapsed)(_?(s|ms|us|ns))?",
+    r"_*(t|time|timestamp|stamp|sec|seconds|elapsed|zeit|datetime)([_ ]?(in )?(s|ms|us|ns))?",
     r".*[._/ ](time|timestamp|stamp)(_(s|ms|us|ns))?",
 )
 """Names of stamps, the surest first."""
@@ -106,7 +106,7 @@ def guess(table: Table, joints: int | None = None, names: Sequence[str] = ()) ->
         cell = ColumnMap(Role(_CELL[:3], "rad"), "t", effort=Role(_CELL[3:6], "V"), command=_targets(table))
         return cell, ()
     named = list(table.columns)
-    time = _time(named)
+    time = _time(named) or next(iter(table.stamps), "")
     episode = next((n for n in named if re.search(_EPISODES, n, re.IGNORECASE)), "")
     found: dict[str, list[str]] = {}
     for name in named:
@@ -129,7 +129,7 @@ def guess(table: Table, joints: int | None = None, names: Sequence[str] = ()) ->
         if role == "position" and not groups:
             raise RecordingError(
                 f"{table.source}: expected {count} columns of positions, one for each joint: give --columns MAP; "
-                f"those that look so are {', '.join(columns)}"
+                f"those that look so are {'; '.join([', '.join(columns), *(odd.what for odd in table.oddities)])}"
             )
         chosen, why = _chosen(role, groups)
         unclear += why

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from dtwin.measurements.measurement import Array, Measurement, seconds_of
+from dtwin.names import counted
 
 _EFFORTS = {"torque": "N m", "current": "A", "voltage": "V", None: "?"}
 
@@ -40,7 +41,8 @@ def summary(measurement: Measurement) -> list[str]:
     rate = 1.0 / measurement.step if measurement.step else 0.0
     lines = [
         f"{len(measurement)} rows, {seconds_of([measurement]):.1f} s at {rate:.4g} rows a second, "
-        f"{len(measurement.starts)} stretches without a gap, {episodes} episodes",
+        f"{counted(len(measurement.starts), 'stretch', 'stretches')} without a gap, "
+        f"{counted(episodes, 'episode', 'episodes')}",
     ]
     if measurement.effort is None:
         lines.append("no torque, current or voltage: masses, friction and loads cannot be told")
@@ -57,7 +59,7 @@ def oddities(measurement: Measurement) -> list[str]:
     for odd in measurement.oddities:
         where = [f"column {odd.column}"] if odd.column else []
         where += [f"from row {odd.row}"] if odd.row >= 0 else []
-        where += [f"{odd.count} rows"] if odd.count else []
+        where += [counted(odd.count, "row")] if odd.count else []
         place = f" ({', '.join(where)})" if where else ""
         found.append(f"{'repaired' if odd.repaired else 'left as it is'}: {odd.what}{place}")
     return found

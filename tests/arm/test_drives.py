@@ -117,7 +117,7 @@ def test_rotor_and_friction_of_actuators_count_and_gravity_may_be_off(tmp_path: 
 
 def test_bodies_without_names_are_told_apart(tmp_path: Path) -> None:
     finger = '<body><joint/><geom size="0.1"/></body>'
-    with pytest.raises(ModelError, match="several chains have 1 joints: body 1 or body 2"):
+    with pytest.raises(ModelError, match="several chains have 1 joint: body 1 or body 2"):
         read_mjcf(model(tmp_path, bodies=finger * 2))
     assert read_mjcf(model(tmp_path, bodies=finger * 2), "body 2").joints[0].name == "joint_2"
 

@@ -117,7 +117,7 @@ def test_parameters_and_links_are_the_same_told_twice() -> None:
         (
             [joint("one", "a", "b"), joint("two", "a", "c")],
             "abc",
-            "expected a tip, as several chains have 1 joints: b or c",
+            "expected a tip, as several chains have 1 joint: b or c",
         ),
         ([], "a", "expected a joint that moves below link a, got none"),
         ([joint("one", "a", "b").replace("0 0 1", "0 nan 1")], "ab", "expected three finite numbers"),

@@ -301,3 +301,43 @@ def test_an_array_of_another_length_is_told(truth: Measurement, tmp_path: Path) 
     np.savez(tmp_path / "log.npz", allow_pickle=False, t=truth.t, q=truth.q, tau=truth.effort[:-1])
     found = read_measurement(tmp_path / "log.npz")
     assert any("arrays without 500 rows are left out: tau (499, 3)" in odd.what for odd in found.oddities)
+
+
+def columns(folder: Path, *names: str, **others: list[str]) -> Path:
+    """A log of a joint that swings for 3 s, with columns of words beside it."""
+    t = np.arange(300) * 0.01
+    file = folder / "log.csv"
+    rows = [[f"{s:.2f}", f"{np.sin(s):.5f}", f"{np.cos(s):.5f}"] for s in t]
+    head = ",".join([*names, *others])
+    lines = [",".join([*row, *(words[k] for words in others.values())]) for k, row in enumerate(rows)]
+    file.write_text("\n".join([head, *lines]) + "\n")
+    return file
+
+
+def test_columns_of_words_are_left_out_and_told(tmp_path: Path) -> None:
+    file = columns(tmp_path, "t", "q1", "tau1", mode=["AUTO"] * 290 + ["7"] * 10, state=["run"] * 300)
+    found = read_measurement(file)
+    assert found.q.shape == (300, 1)
+    assert [odd.what for odd in found.oddities] == ["columns without numbers are left out: mode, state"]
+
+
+def test_stamps_in_words_are_the_time_whatever_their_column_is_called(tmp_path: Path) -> None:
+    start = dt.datetime(2026, 3, 29, 1, 59, 58)
+    days = [(start + dt.timedelta(seconds=0.01 * k)).isoformat() for k in range(300)]
+    found = read_measurement(columns(tmp_path, "row", "q1", "tau1", recorded=days))
+    assert found.t[-1] == pytest.approx(2.99)
+
+
+@pytest.mark.parametrize("name", ["Zeit in s", "datetime", "time [s]", "zeit_s"])
+def test_other_names_of_the_time(tmp_path: Path, name: str) -> None:
+    assert read_measurement(columns(tmp_path, name, "q1", "eff1")).t[-1] == pytest.approx(2.99)
+
+
+def test_what_is_missing_is_said_with_what_is_there(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match=r"in a map of columns \(--columns\); the file has turn, q1, tau1"):
+        read_measurement(columns(tmp_path, "turn", "q1", "tau1"))
+    few = tmp_path / "few.csv"
+    for rows in (1, 2):
+        few.write_text("t,q1\n" + "".join(f"{k},0.1\n" for k in range(rows)))
+        with pytest.raises(RecordingError, match=f"expected at least 20 rows, got {rows}"):
+            read_measurement(few)

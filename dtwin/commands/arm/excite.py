@@ -13,6 +13,7 @@ from dtwin.commands.frame import at_least, progress_bar
 from dtwin.emulation.chain.arms import arm_of
 from dtwin.files import ensure_writable, replacing
 from dtwin.identification.chain.excitation import excitation
+from dtwin.names import counted
 from dtwin.terminal import printable
 
 
@@ -41,5 +42,5 @@ class ArmExcite:
             poses = excitation(arm, self.duration, self.candidates, self.seed, progress)
         with replacing(self.out, ".toml") as temporary:
             temporary.write_text(poses_text(poses))
-        print(printable(f"{self.out}: {len(poses.positions)} poses for {arm.name}"))
+        print(printable(f"{self.out}: {counted(len(poses.positions), 'pose')} for {arm.name}"))
         return 0

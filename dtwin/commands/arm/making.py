@@ -15,6 +15,7 @@ from dtwin.emulation.chain.arms import arm_of
 from dtwin.equations.rigid import usual_inertia
 from dtwin.errors import ParameterError
 from dtwin.files import ensure_writable, replacing
+from dtwin.names import counted
 from dtwin.run.following import read_path
 from dtwin.terminal import printable
 from iec61499.deploy.system_file import system_text
@@ -66,7 +67,11 @@ class FbMake:
                 system_text(system(self.out.stem, network(len(arm), self.devices), values, self.devices))
             )
         count = f"{len(arm) + 1} devices, " if self.devices == "joints" else ""
-        print(printable(f"{self.out}: {len(arm)} joints of {arm.name}, {count}{len(types)} block types beside it"))
+        print(
+            printable(
+                f"{self.out}: {counted(len(arm), 'joint')} of {arm.name}, {count}{len(types)} block types beside it"
+            )
+        )
         return 0
 
 

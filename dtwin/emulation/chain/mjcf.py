@@ -22,6 +22,7 @@ from dtwin.emulation.chain.unmodelled import has_gravity, unmodelled
 from dtwin.emulation.model import one_line
 from dtwin.errors import ModelError, choices
 from dtwin.files import reason_of
+from dtwin.names import counted
 
 _LARGEST: Final = 16_000_000
 """Largest size of a file that is read, bytes."""
@@ -178,7 +179,7 @@ def _chain(path: Path, model: mujoco.MjModel, tip: str | None) -> list[int]:
         ends = ends_of([[(above, moved[above]) for above in _above(model, body)][::-1] for body in last])
         if len(ends) != 1:
             said = choices([body_name(model, body) for body in ends])
-            raise ModelError(f"{path}: expected a tip, as several chains have {most} joints: {said}")
+            raise ModelError(f"{path}: expected a tip, as several chains have {counted(most, 'joint')}: {said}")
         found = list(_above(model, ends[0]))
     if not any(_joints_of(model, body) for body in found):
         raise ModelError(f"{path}: tip {tip!r}: expected a body that a joint moves")
