@@ -28,6 +28,8 @@ _LARGEST: Final = 2_000_000_000
 """Largest file that is read, bytes."""
 _DAMAGED: Final = 0.02
 """Largest share of rows that may be damaged; a file with more is read with the wrong delimiter, or is no table."""
+RECORDINGS: Final = (".mcap", ".db3")
+"""Endings of recordings of ROS 2, which have a door of their own."""
 _WORDS: Final = 0.9
 """Share of words from which on a column is one of words, such as modes, and not one of damaged numbers."""
 
@@ -70,7 +72,10 @@ def read_table(path: Path) -> Table:
         raise RecordingError(f"{path}: there is no such file or folder")
     door = _DOORS.get(path.suffix.lower())
     if door is None:
-        raise RecordingError(f"{path}: expected a name that ends in {choices(_DOORS)}, or a LeRobot data set")
+        kinds = choices([*_DOORS, *RECORDINGS])
+        raise RecordingError(
+            f"{path}: expected a name that ends in {kinds}, or the folder of a LeRobot data set or of a rosbag2"
+        )
     try:
         if path.stat().st_size > _LARGEST:
             raise RecordingError(f"{path}: expected at most {_LARGEST} bytes, got {path.stat().st_size}")

@@ -8,7 +8,7 @@ from pathlib import Path
 from dtwin.arm.chain import Arm
 from dtwin.measurements.checks import measurement_of
 from dtwin.measurements.columns import ColumnMap, checked_map, in_order
-from dtwin.measurements.doors import Table, read_table
+from dtwin.measurements.doors import RECORDINGS, Table, read_table
 from dtwin.measurements.guessing import guess
 from dtwin.measurements.measurement import Measurement, Oddity
 
@@ -19,7 +19,7 @@ def table_of(path: Path, arm: Arm | None = None) -> Table:
     Raises:
         RecordingError: it cannot be read.
     """
-    bag = path.suffix.lower() in (".mcap", ".db3") or (path / "metadata.yaml").is_file()
+    bag = path.suffix.lower() in RECORDINGS or (path / "metadata.yaml").is_file()
     if not bag or not path.exists():
         return read_table(path)
     from dtwin.measurements.formats.bags import read_bag  # an extra, which few logs need

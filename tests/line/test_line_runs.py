@@ -275,3 +275,10 @@ def test_blocks_on_devices_that_are_processes_do_the_same(tmp_path: Path) -> Non
 def test_blocks_that_are_not_served_are_told() -> None:
     with pytest.raises(DtwinError, match="127"):
         Served(LINE, own_ports(system(LINE)))
+
+
+def test_a_file_is_no_folder_of_a_run(tmp_path: Path) -> None:
+    (tmp_path / "run").touch()
+    for place in ("run", "run/inside"):
+        with pytest.raises(DtwinError, match="expected a new or an empty folder, got a file"):
+            prepare(tmp_path / place)

@@ -341,3 +341,9 @@ def test_what_is_missing_is_said_with_what_is_there(tmp_path: Path) -> None:
         few.write_text("t,q1\n" + "".join(f"{k},0.1\n" for k in range(rows)))
         with pytest.raises(RecordingError, match=f"expected at least 20 rows, got {rows}"):
             read_measurement(few)
+
+
+def test_recordings_of_ros_are_among_what_can_be_read(tmp_path: Path) -> None:
+    (tmp_path / "log.json").write_text("{}")
+    with pytest.raises(RecordingError, match=r"\.mcap or \.db3, or the folder of a LeRobot data set or of a rosbag2"):
+        read_measurement(tmp_path / "log.json")

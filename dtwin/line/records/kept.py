@@ -86,6 +86,8 @@ def prepare(folder: Path) -> Path:
         folder.mkdir(parents=True, exist_ok=True)
         if any(folder.iterdir()):
             raise RecordingError(f"{folder}: expected a new or an empty folder")
+    except (FileExistsError, NotADirectoryError):
+        raise RecordingError(f"{folder}: expected a new or an empty folder, got a file") from None
     except OSError as error:
         raise RecordingError(f"{folder}: {reason_of(error)}") from None
     return folder / HISTORY
