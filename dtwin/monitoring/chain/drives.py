@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from dtwin.arm.adjustment import Adjustment
 from dtwin.arm.chain import Arm, Array
+from dtwin.arm.effort import ahead
 from dtwin.monitoring.chain.expected import EVERY, WINDOW, Expected, Filtered, filtered
 from dtwin.monitoring.chain.finding import ChainFinding
 
@@ -223,7 +224,7 @@ class Drives:
             sure = np.flatnonzero(enough.any(axis=1))
             if len(sure) and (best is None or begin + fresh + int(sure[0]) < best.sample):
                 at = fresh + int(sure[0])
-                time = float(self._times[at]) + WINDOW // 2 * self._arm.period
+                time = float(self._times[at]) + (WINDOW // 2 + ahead(self._arm)) * self._arm.period
                 best = Alarm(begin + at, window, time)
         return best
 
