@@ -7,7 +7,7 @@ from typing import Final
 import mujoco
 import numpy as np
 
-from dtwin.arm.chain import Arm, Array, Joint
+from dtwin.arm.chain import Arm, Array, Joint, Transmission
 from dtwin.errors import ModelError
 
 LOAD: Final = "load"
@@ -19,6 +19,9 @@ _NOTHING: Final = 1e-14
 def build(arm: Arm, step: float) -> mujoco.MjModel:
     """The compiled model: bodies and joints of the chain, viscous friction, rotors, and a load at the tool.
 
+    A gear that yields has its motor as a joint of its own behind those of the chain; a tendon between both has its
+    stiffness and damping, and no force from the spring over the play.
+
     Args:
         arm: the chain; its Coulomb friction is set by the plant.
         step: integration step, s; the integrator is the Runge-Kutta method of fourth order.
@@ -28,12 +31,24 @@ def build(arm: Arm, step: float) -> mujoco.MjModel:
     """
     spec = chain_spec(arm, step)
     for joint in arm.joints:
+        if joint.transmission is not None:
+            _add_gear(spec, joint, joint.transmission)
         if joint.actuator.commanded == "position":
             _add_servo(spec, joint)
     try:
         return spec.compile()
     except ValueError as error:
         raise ModelError(f"arm {arm.name}: {' '.join(str(error).split())}") from None
+
+
+def motor_of(joint: Joint) -> str:
+    """Name of the joint of the model that a joint's motor turns."""
+    return joint.name if joint.transmission is None else f"motor of {joint.name}"
+
+
+def gear_of(joint: Joint) -> str:
+    """Name of the tendon of a joint's gear."""
+    return f"gear of {joint.name}"
 
 
 def chain_spec(arm: Arm, step: float) -> mujoco.MjSpec:
@@ -64,9 +79,24 @@ def chain_spec(arm: Arm, step: float) -> mujoco.MjSpec:
     return spec
 
 
+def _add_gear(spec: mujoco.MjSpec, joint: Joint, gear: Transmission) -> None:
+    """Puts rotor and viscous friction of a joint before its gear."""
+    own = spec.joint(joint.name)
+    body = spec.worldbody.add_body(name=motor_of(joint))
+    body.mass, body.inertia, body.explicitinertial = _NOTHING, [_NOTHING] * 3, True
+    motor = body.add_joint(name=motor_of(joint), type=own.type, axis=[0.0, 0.0, 1.0])
+    motor.armature, motor.damping = own.armature, own.damping
+    own.armature, own.damping = 0.0, np.zeros(3)
+    tendon = spec.add_tendon(name=gear_of(joint))
+    tendon.wrap_joint(motor_of(joint), 1.0)
+    tendon.wrap_joint(joint.name, -1.0)
+    tendon.stiffness, tendon.damping = [gear.stiffness, 0.0, 0.0], [gear.damping, 0.0, 0.0]
+    tendon.springlength = [-0.5 * gear.backlash, 0.5 * gear.backlash]
+
+
 def _add_servo(spec: mujoco.MjSpec, joint: Joint) -> None:
     """A drive with a loop of its own, which acts in every stage of the integration: it does not wait for commands."""
-    servo = spec.add_actuator(name=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT, target=joint.name)
+    servo = spec.add_actuator(name=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT, target=motor_of(joint))
     stiffness = joint.actuator.stiffness or 0.0
     servo.gaintype, servo.biastype = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_AFFINE
     servo.gainprm[0] = stiffness
