@@ -40,7 +40,7 @@ _TWIST: Final = 2e-3
 """By how much a gear yields to the largest torque of its drive, rad (m where a joint slides). This
 and the next three numbers are the project's own, for arms whose files say nothing of their gears."""
 _RATIO: Final = 0.1
-"""Damping ratio of its rotor before a joint that stands."""
+"""Damping ratio of the oscillation of rotor and link on it."""
 _PLAY: Final = 5e-4
 """Its play, rad; worn gears have three times as much."""
 _ROTOR: Final = 0.1
@@ -148,7 +148,9 @@ def with_gears(arm: Arm, wear: float = 1.0) -> Arm:
         gear, rotor = joint.transmission, joint.actuator.rotor or _ROTOR * carried
         if gear is None:
             stiffness = joint.largest / _TWIST
-            gear = Transmission(stiffness, 2.0 * _RATIO * float(np.sqrt(stiffness * rotor)), _PLAY)
+            own = carried - (joint.actuator.rotor or 0.0)
+            both = rotor * own / (rotor + own)  # what oscillates against each other
+            gear = Transmission(stiffness, 2.0 * _RATIO * float(np.sqrt(stiffness * both)), _PLAY)
         made = replace(gear, backlash=wear * gear.backlash)
         joints.append(replace(joint, actuator=replace(joint.actuator, rotor=rotor), transmission=made))
     return replace(arm, joints=tuple(joints))
@@ -228,8 +230,8 @@ def arm_sorting_report(arm: str, found: Sequence[ArmAtWork], duration: float) ->
         "blocks that its data sheet makes, which know of what is otherwise only that commands come late. The worst "
         f"friction is {_WORST:g} standard deviations above the data sheet's in every joint. Where the data sheet does"
         f" not say how gears yield, they are drawn around {1e3 * _TWIST:g} mrad at the largest torque, a damping "
-        f"ratio of {_RATIO:g} and {1e3 * _PLAY:g} mrad of play, with encoders at the motors; beside the worst friction the "
-        f"play is {_WEAR:g} times as wide.",
+        f"ratio of {_RATIO:g} and {1e3 * _PLAY:g} mrad of play, with encoders at the motors; the play is {_WEAR:g} "
+        "times as wide beside the worst friction.",
         "All was as asked." if settled(found) else "Not all was as asked.",
         table(heads, rows),
     )

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.arm.chain import Arm, Array
-from dtwin.emulation.chain.model import gear_of, motor_of
+from dtwin.emulation.chain.model import motor_of
 from dtwin.errors import ModelError
 
 _FASTEST: Final = 1.0
@@ -58,8 +58,8 @@ class Gears:
         if self.steps > _MOST:
             joint = [each for each in arm.joints if each.transmission is not None][int(fastest.argmax())]
             raise ModelError(
-                f"arm {arm.name}: joints.{joint.name}.gear_stiffness: expected a gear that oscillates with at most "
-                f"{_MOST * _FASTEST / arm.period:.0f} rad/s, got {fastest.max():.0f}: leave out what is as stiff"
+                f"arm {arm.name}: joints.{joint.name}.gear_stiffness: expected a gear that moves with at most "
+                f"{_MOST * _FASTEST / arm.period:.0f} rad/s, got {fastest.max():.0f}: leave it out where it is so stiff"
             )
         model.opt.timestep = arm.period / self.steps
         own = self.motor[self._yields]
@@ -82,21 +82,22 @@ class Gears:
 
 
 def _fastest(arm: Arm, model: mujoco.MjModel) -> Array:
-    """The fastest oscillation of each gear that yields, rad/s, over all postures that are drawn."""
+    """The fastest oscillation of each gear that yields, or what its damping ends faster, rad/s, in drawn postures."""
     data = mujoco.MjData(model)
     generator = np.random.default_rng(0)
-    ties = [model.tendon(gear_of(joint)).id for joint in arm.joints if joint.transmission is not None]
     reach = np.clip([(joint.lower, joint.upper) for joint in arm.joints], -np.pi, np.pi)
-    found = np.zeros(len(ties))
+    gears = [joint.transmission for joint in arm.joints if joint.transmission is not None]
+    stiffness, damping = np.array([(gear.stiffness, gear.damping) for gear in gears]).T
+    found = np.zeros(len(gears))
     for _ in range(_POSTURES):
         data.qpos[: len(arm)] = generator.uniform(reach[:, 0], reach[:, 1])
         mujoco.mj_fwdPosition(model, data)
-        lengths = np.zeros((len(ties), model.nv))
+        lengths = np.zeros((len(gears), model.nv))
         for k, joint in enumerate(each for each in arm.joints if each.transmission is not None):
             lengths[k, model.joint(motor_of(joint)).dofadr[0]] = 1.0
             lengths[k, model.joint(joint.name).dofadr[0]] = -1.0
         moved = np.zeros_like(lengths)
         mujoco.mj_solveM(model, data, moved, lengths)
         mobility = np.einsum("kv,kv->k", lengths, moved)
-        found = np.maximum(found, np.sqrt(model.tendon_stiffness[ties].ravel()[: len(ties)] * mobility))
+        found = np.maximum(found, np.maximum(np.sqrt(stiffness * mobility), damping * mobility))
     return found

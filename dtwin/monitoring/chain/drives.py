@@ -48,6 +48,8 @@ SPREAD: Final = {"K": 0.3, "friction": 0.7}
 SHIFT: Final = 0.05
 """Usual size of what an encoder has shifted by without a jump, which single readings would show, rad or m."""
 _NOTHING: Final = 1e-12
+_UNSEEN: Final = 1e5
+"""Size, in the units of causes, from which on nothing shows it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -179,6 +181,15 @@ class Drives:
         found = self._due(evidence, made)
         self._shorten()
         return found
+
+    def visible(self) -> dict[str, float]:
+        """Least size of every cause that the last seconds would have shown; inf where nothing would have."""
+        found = np.full(len(self._names), np.inf)
+        for window, bound in self._bounds:
+            power = np.einsum("njc,njc->c", self._columns[-window:], self._columns[-window:])
+            found = np.minimum(found, np.sqrt(bound / np.maximum(power, _NOTHING)))
+        sizes = np.where(found < _UNSEEN, np.maximum(found, self._least), np.inf)
+        return dict(zip(self._names, sizes.tolist(), strict=True))
 
     @property
     def named(self) -> bool:
