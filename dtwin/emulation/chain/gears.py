@@ -57,9 +57,10 @@ class Gears:
         self.steps = max(least, int(np.ceil(arm.period * fastest.max() / _FASTEST)))
         if self.steps > _MOST:
             joint = [each for each in arm.joints if each.transmission is not None][int(fastest.argmax())]
+            most = _MOST * _FASTEST / arm.period
             raise ModelError(
                 f"arm {arm.name}: joints.{joint.name}.gear_stiffness: expected a gear that moves with at most "
-                f"{_MOST * _FASTEST / arm.period:.0f} rad/s, got {fastest.max():.0f}: leave it out where it is so stiff"
+                f"{most:.0f} rad/s, got {fastest.max():.0f}: leave it out where it is as stiff"
             )
         model.opt.timestep = arm.period / self.steps
         own = self.motor[self._yields]
