@@ -108,7 +108,7 @@ def ticks_of(ran: ChainRun) -> list[JointTick]:
 
 @pytest.mark.parametrize("late", [0, 1])
 def test_ticks_off_the_bus_tell_the_torque_of_its_loops(late: int) -> None:
-    """However many are drained together: the velocity of a tick is known with the next one."""
+    """However many are drained together: the velocity of a tick is known two ticks later."""
     ran = run(settings(3, 2.0, late))
     rows, drained = Rows(ARM, late), []
     for tick in ticks_of(ran):
@@ -117,7 +117,7 @@ def test_ticks_off_the_bus_tell_the_torque_of_its_loops(late: int) -> None:
             drained.append(rows.drain())
     t, q, target, effort = (np.concatenate(each) for each in zip(*drained, strict=True))
     told = np.isin(ran.t, t)
-    assert t[0] == ran.t[late + 1]
+    assert t[0] == ran.t[late + 2]
     assert len(t) > 180
     for mine, whole in ((q, ran.q), (target, ran.target), (effort, ran.effort)):
         assert mine == pytest.approx(whole[told], abs=1e-9)
@@ -130,8 +130,8 @@ def test_after_ticks_that_are_lost_nothing_counts_on_those_before() -> None:
     missing = [rows.add(tick) for tick in ticks]
     assert sum(missing) == missing[lost.start] == BRIDGED
     t, *_, effort = rows.drain()
-    assert t[0] == ran.t[lost.stop + 1]
-    assert effort == pytest.approx(ran.effort[lost.stop + 1 : -1], abs=1e-9)
+    assert t[0] == ran.t[lost.stop + 2]
+    assert effort == pytest.approx(ran.effort[lost.stop + 2 : -2], abs=1e-9)
 
 
 def test_what_is_found_counts_that_its_loops_differ_from_the_data_sheet(tmp_path: Path) -> None:
