@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dtwin.arm.adjustment import Adjustment
 from dtwin.arm.chain import servo_torque
 from dtwin.arm.file import read_file
 from dtwin.arm.poses import Poses, drawn_poses
@@ -89,6 +90,19 @@ def test_a_loop_gives_what_its_stiffness_and_damping_say() -> None:
     assert q == pytest.approx(START - needed / [joint.actuator.stiffness for joint in ARM.joints], abs=1e-4)
     assert servo_torque(ARM, START, q, qd) == pytest.approx(needed, abs=1e-4)
     assert servo_torque(ARM, q + 100.0, q, qd).tolist() == [20.0, 8.0]
+
+
+@pytest.mark.parametrize("strength", [0.5, 0.8])
+def test_a_weaker_loop_is_commanded_as_much_farther_as_it_is_weaker(strength: float) -> None:
+    """It holds the arm with the same torque: strength times stiffness times what the command is beyond."""
+    poses = Poses(np.array([START, START]), 0.0, False)
+    beyond = []
+    for each in (1.0, strength):
+        blocks = ChainController(2, inputs(ARM, usual_inertia(ARM), settings(1).control, poses))
+        blocks.adjust(Adjustment((0.0, 0.0), (each, each), (1.0, 1.0)))
+        beyond.append(np.array(blocks.step(START.tolist())) - START)
+    assert np.abs(beyond[0]).min() > 1e-3
+    assert strength * beyond[1] == pytest.approx(beyond[0], rel=1e-9)
 
 
 def test_it_is_identified_by_the_torque_of_its_loops() -> None:

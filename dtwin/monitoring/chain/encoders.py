@@ -95,7 +95,7 @@ class Encoders:
         first = max(0, len(led) - new)
         for j in np.flatnonzero(stays[first:].any(axis=0)):
             k = first + int(np.argmax(stays[first:, j]))
-            kinds = self._kinds(q[k : k + STILL + 1, j], j)
+            kinds = self._kinds(q[k : k + STILL + 1, j], int(j))
             name, *others = (f"{kind}{j + 1}" for kind in kinds)
             yield ChainFinding(float(t[k + STILL]), name, 0.0, tuple(others), 1.0 / len(kinds))
 
