@@ -302,7 +302,9 @@ def _named(evidence: Evidence, first: int, alarm: int, last: int, alike: float, 
     left = float(evidence.energy[last, 0] - evidence.energy[first, 0]) - odds.max()
     spread = alike * max(1.0, left / ((last - first) * evidence.columns.shape[1]))
     prior = np.array([_likely(name, float(size)) for name, size in zip(evidence.names, sizes, strict=True)])
-    share = prior * np.exp(0.5 * (odds - odds.max()) / spread)
+    with np.errstate(divide="ignore"):  # what cannot be, such as a drive that lost more than all, is never named
+        weight = np.log(prior) + 0.5 * odds / spread
+    share = np.exp(weight - weight.max())
     order = np.argsort(-share)
     near = (share > SURE * share[order[0]]) | (evidence.alike(int(order[0]), first, last) > ALIKE)
     others = tuple(evidence.names[k] for k in order[1:] if near[k])
