@@ -87,7 +87,7 @@ class ChainPlant:
 
     def read(self) -> Array:
         """What the encoders read, (n,), rad or m."""
-        q = self._data.qpos[self._gears.read]
+        q = np.array(self._data.qpos[self._gears.read])
         if self._machine.encoders:
             q = q + self._machine.arm.tolerances.noise * self._generator.standard_normal(len(q))
             steps = np.where(self._step > 0.0, self._step, 1.0)
