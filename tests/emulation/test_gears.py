@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dtwin.arm.chain import Arm, Array, Friction, Joint, Transmission
+from dtwin.arm.chain import Arm, Array, Friction, Joint, Side, Transmission
 from dtwin.emulation.chain.arms import arm_of
 from dtwin.emulation.chain.faults import ChainFault
 from dtwin.emulation.chain.machine import Machine, drawn, machine_of, rigid
@@ -108,7 +108,7 @@ def test_a_stiff_gear_moves_its_joint_as_one_that_does_not_yield() -> None:
 
 
 @pytest.mark.parametrize("side", ["motor", "joint"])
-def test_an_encoder_reads_its_side_of_the_gear(side: str) -> None:
+def test_an_encoder_reads_its_side_of_the_gear(side: Side) -> None:
     plant = plant_of(arm_with(replace(Transmission(K, D, PLAY), encoder=side)), *LOCKED)
     moved(plant, 100, (3.0, -3.0))
     (q, _), (x, _) = plant.state, plant.twist

@@ -11,9 +11,8 @@ import numpy as np
 
 from dtwin.arm.chain import Array
 from dtwin.emulation.chain.faults import ChainFault
-from dtwin.emulation.chain.gears import Gears
 from dtwin.emulation.chain.machine import Machine
-from dtwin.emulation.chain.model import LOAD, build
+from dtwin.emulation.chain.model import LOAD, Gears, build
 from dtwin.emulation.chain.stepping import Stepping
 from dtwin.emulation.stepping import STEP
 from dtwin.errors import DivergenceError
