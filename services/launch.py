@@ -119,8 +119,7 @@ class CellOptions(PlantOptions, ControlOptions, OtherArmOptions):
         if other is None:
             self._check_plant()
         else:
-            twin = self.monitoring or self.identification or self.recovery is not None
-            _check_apart("chain.check", [*other.words, *(["--twin"] if twin else [])])
+            _check_apart("chain.check", [*other.words, *(["--identified"] if self.identification else [])])
         for path, ending in ((self.log, LOG), (self.record, RECORDING)):
             if path is not None:
                 ensure_writable(path, ending)

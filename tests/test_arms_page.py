@@ -21,7 +21,11 @@ from dtwin.cli import main
 from dtwin.parameters import ROOT
 
 PAGE = (ROOT / "docs" / "arms.md").read_text()
-FILES = {"xml": ("mine.urdf",), "toml": ("mine.toml", "poses.toml", "sort.toml", "cell.toml"), "csv": ("path.csv",)}
+FILES = {
+    "xml": ("mine.urdf",),
+    "toml": ("mine.toml", "poses.toml", "sort.toml", "cell.toml", "worn.toml"),
+    "csv": ("path.csv",),
+}
 
 
 def status(words: list[str]) -> int:

@@ -18,6 +18,7 @@ from dtwin.errors import ModelError
 Array = NDArray[np.float64]
 JointKind = Literal["revolute", "prismatic"]
 Commanded = Literal["torque", "current", "voltage", "position"]
+Side = Literal["motor", "joint"]
 
 INERTIAL: Final = ("m", "mcx", "mcy", "mcz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 """The ten inertial parameters of a link, in the order of Pinocchio's regressor: mass (kg), first moments (kg m) and
@@ -97,6 +98,26 @@ class Friction:
 
 
 @dataclass(frozen=True, slots=True)
+class Transmission:
+    """A gear that yields, between the motor and its joint; all of it as seen at the joint.
+
+    Its torque is k dz(x) + d x', where x is what the motor is ahead of the joint and
+    dz(x) = sign(x) max(|x| - b / 2, 0) (Spong, ASME J. Dyn. Sys. Meas. Control 109, 1987, with a dead band).
+
+    Attributes:
+        stiffness: k, N m/rad or N/m.
+        damping: d, N m s/rad or N s/m.
+        backlash: whole play b, rad or m.
+        encoder: on which side of it the encoder is.
+    """
+
+    stiffness: float
+    damping: float = 0.0
+    backlash: float = 0.0
+    encoder: Side = "motor"
+
+
+@dataclass(frozen=True, slots=True)
 class Tolerances:
     """Relative standard deviations of an arm of this kind from its data sheet.
 
@@ -105,6 +126,7 @@ class Tolerances:
         mass: of the masses of the links.
         inertia: of their inertias.
         friction: of every friction term.
+        gear: of stiffness, damping and play of gears that yield.
         centre: standard deviation of a centre of mass along each axis, m.
         noise: standard deviation of the noise of the encoders, rad or m.
     """
@@ -115,6 +137,7 @@ class Tolerances:
     friction: float = 0.3
     centre: float = 0.002
     noise: float = 0.0
+    gear: float = 0.2
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,6 +169,7 @@ class Joint:
         step: step of the encoder, rad or m; 0 where it is not known.
         acceleration: largest acceleration that a path asks for, rad/s^2 or m/s^2; inf where nobody said one.
         friction: what it loses.
+        transmission: its gear, if that yields; None for one that does not.
     """
 
     name: str
@@ -161,6 +185,7 @@ class Joint:
     step: float = 0.0
     acceleration: float = np.inf
     friction: Friction = Friction()
+    transmission: Transmission | None = None
 
     @property
     def turns(self) -> bool:

@@ -12,15 +12,15 @@ gear = 101.0
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Final, Literal, cast
+from typing import Any, Final, Literal, cast, get_args
 
 import msgspec
 import numpy as np
 
-from dtwin.arm.chain import Actuator, Arm, Commanded, Friction, Gripper, Joint, Tolerances
+from dtwin.arm.chain import Actuator, Arm, Commanded, Friction, Gripper, Joint, Side, Tolerances, Transmission
 from dtwin.errors import ModelError, choices
 from dtwin.files import reason_of
 from dtwin.parameters import ROOT
@@ -38,6 +38,8 @@ UNITS: Final[dict[str, Commanded]] = {
 """What an actuator can be commanded in."""
 _LARGEST: Final = 1 << 18
 """Largest file that is read, bytes."""
+SIDES: Final[tuple[Side, ...]] = get_args(Side)
+"""Sides of a gear on which an encoder can be."""
 Sign = Literal["any", "positive", "not negative"]
 
 _JOINT: Final[dict[str, tuple[Sign, str]]] = {
@@ -53,6 +55,9 @@ _JOINT: Final[dict[str, tuple[Sign, str]]] = {
     "viscous": ("not negative", "viscous friction at the joint, N m s/rad"),
     "coulomb": ("not negative", "Coulomb friction at the joint, N m"),
     "load": ("not negative", "friction that grows with the load, in parts of the torque carried"),
+    "gear_stiffness": ("positive", "stiffness of the gear as seen at the joint, N m/rad or N/m"),
+    "gear_damping": ("not negative", "its damping, N m s/rad or N s/m"),
+    "backlash": ("not negative", "its whole play at the joint, rad or m"),
     "encoder": ("not negative", "step of the encoder at the joint, rad or m"),
     "lower": ("any", "least position, rad or m"),
     "upper": ("any", "largest position, rad or m"),
@@ -66,9 +71,12 @@ _TOLERANCES: Final[dict[str, tuple[Sign, str]]] = {
     "mass": ("not negative", "relative standard deviation of the masses"),
     "inertia": ("not negative", "relative standard deviation of the inertias"),
     "friction": ("not negative", "relative standard deviation of every friction"),
+    "gear": ("not negative", "relative standard deviation of stiffness, damping and play of the gears"),
     "centre": ("not negative", "standard deviation of the centres of mass, m"),
     "noise": ("not negative", "standard deviation of the encoders' noise, rad or m"),
 }
+_WORDS: Final[dict[str, Iterable[str]]] = {"commanded": UNITS, "encoder_at": SIDES}
+"""What else is said of a joint, with the words for it."""
 NEEDED: Final = ("commanded", "constant", "limit")
 """What a person must say of a joint before the arm can be driven."""
 _TOP: Final = ("model", "tip", "period", "tool", "joints", "tolerances", "gripper")
@@ -138,28 +146,34 @@ def read_file(path: Path) -> ArmFile:
     Raises:
         ModelError: the file cannot be read, or holds what no arm has; names file and key, and what was expected.
     """
-    try:
-        if path.stat().st_size > _LARGEST:
-            raise ModelError(f"{path}: expected at most {_LARGEST} bytes, got {path.stat().st_size}")
-        content = msgspec.toml.decode(path.read_bytes())
-    except OSError as error:
-        raise ModelError(f"{path}: cannot be read: {reason_of(error)}") from None
-    except (msgspec.MsgspecError, ValueError) as error:
-        raise ModelError(f"{path}: expected an arm: {error}") from None
+    content = content_of(path, "an arm")
     try:
         return _file(path, content)
     except ModelError as error:
         raise ModelError(f"{path}: {error}") from None
 
 
+def content_of(path: Path, what: str) -> dict[str, Any]:
+    """What a TOML file says that shall be `what`.
+
+    Raises:
+        ModelError: it cannot be read.
+    """
+    try:
+        if path.stat().st_size > _LARGEST:
+            raise ModelError(f"{path}: expected at most {_LARGEST} bytes, got {path.stat().st_size}")
+        return cast(dict[str, Any], msgspec.toml.decode(path.read_bytes()))
+    except OSError as error:
+        raise ModelError(f"{path}: cannot be read: {reason_of(error)}") from None
+    except (msgspec.MsgspecError, ValueError) as error:
+        raise ModelError(f"{path}: expected {what}: {error}") from None
+
+
 def _file(path: Path, content: dict[str, Any]) -> ArmFile:
     _known("", content, _TOP)
     model = _text("model", content.get("model"))
     tip = _text("tip", content["tip"]) if "tip" in content else None
-    joints = {
-        name: _joint(f"joints.{name}", _table(f"joints.{name}", values))
-        for name, values in _table("joints", content.get("joints", {})).items()
-    }
+    joints = joints_of(content)
     spread = _table("tolerances", content.get("tolerances", {}))
     _known("tolerances", spread, _TOLERANCES)
     numbers = {key: _number(f"tolerances.{key}", value, *_TOLERANCES[key]) for key, value in spread.items()}
@@ -173,26 +187,50 @@ def _file(path: Path, content: dict[str, Any]) -> ArmFile:
     return ArmFile(path, path.parent / model, tip, period, tool, joints, Tolerances(**numbers), payload)
 
 
+def joints_of(content: Mapping[str, Any]) -> dict[str, dict[str, float | str]]:
+    """What the table `joints` of a file says of joints, by their names.
+
+    Raises:
+        ModelError: it holds what no joint has.
+    """
+    return {
+        name: _joint(f"joints.{name}", _table(f"joints.{name}", values))
+        for name, values in _table("joints", content.get("joints", {})).items()
+    }
+
+
 def complete(file: ArmFile, chain: Arm) -> Arm:
     """The arm: the chain of its model with what its file says.
 
     Raises:
         ModelError: the file names a joint that the chain has not, or a range is empty.
     """
-    have = [joint.name for joint in chain.joints]
-    for name in file.joints:
-        if name not in have:
-            raise ModelError(f"{file.path}: joints.{name}: expected a joint of the model, {choices(have)}")
-    joints = tuple(_completed(file, joint, file.joints.get(joint.name, {})) for joint in chain.joints)
+    made = with_joints(replace(chain, tolerances=file.tolerances), file.path, file.joints)
     return replace(
-        chain,
+        made,
         name=file.path.stem,
-        joints=joints,
         tool=chain.tool if file.tool is None else np.array(file.tool),
         period=file.period,
-        tolerances=file.tolerances,
         gripper=None if file.payload is None else Gripper(file.payload),
     )
+
+
+def with_joints(arm: Arm, path: Path, said: Mapping[str, Mapping[str, float | str]]) -> Arm:
+    """An arm with what a file says of its joints, by their names.
+
+    Raises:
+        ModelError: the file names a joint that the arm has not, a range is empty, or something of a gear is missing.
+    """
+    have = [joint.name for joint in arm.joints]
+    for name in said:
+        if name not in have:
+            raise ModelError(f"{path}: joints.{name}: expected a joint of the model, {choices(have)}")
+    deviation = arm.tolerances.constant
+    try:
+        joints = tuple(_completed(joint, said.get(joint.name, {}), deviation) for joint in arm.joints)
+    except ModelError as error:
+        raise ModelError(f"{path}: {error}") from None
+    return replace(arm, joints=joints)
 
 
 def missing(arm: Arm) -> list[str]:
@@ -216,11 +254,11 @@ def missing(arm: Arm) -> list[str]:
 def meaning(key: str) -> str:
     """What the last part of a key of a joint means, for people."""
     name = key.rpartition(".")[2]
-    return f"one of {choices(UNITS)}" if name == "commanded" else _JOINT[name][1]
+    return f"one of {choices(_WORDS[name])}" if name in _WORDS else _JOINT[name][1]
 
 
-def _completed(file: ArmFile, joint: Joint, said: Mapping[str, float | str]) -> Joint:
-    numbers = cast(dict[str, float], {key: value for key, value in said.items() if key != "commanded"})
+def _completed(joint: Joint, said: Mapping[str, float | str], deviation: float) -> Joint:
+    numbers = cast(dict[str, float], {key: value for key, value in said.items() if key not in _WORDS})
     actuator, friction = joint.actuator, joint.friction
     gear = numbers.get("gear", actuator.gear)
     constant = numbers["constant"] * gear if "constant" in numbers else actuator.constant
@@ -240,23 +278,36 @@ def _completed(file: ArmFile, joint: Joint, said: Mapping[str, float | str]) -> 
         effort=numbers.get("effort", joint.effort),
         acceleration=numbers.get("acceleration", joint.acceleration),
         step=numbers.get("encoder", joint.step),
-        actuator=Actuator(commanded, constant, file.tolerances.constant, gear, rotor, limit, stiffness, damping),
+        actuator=Actuator(commanded, constant, deviation, gear, rotor, limit, stiffness, damping),
         friction=Friction(*(numbers.get(key, getattr(friction, key)) for key in ("viscous", "coulomb", "load"))),
+        transmission=_transmission(joint, said, rotor),
     )
     if not found.lower < found.upper:
-        raise ModelError(
-            f"{file.path}: joints.{joint.name}: expected lower below upper, got {found.lower:g} and {found.upper:g}"
-        )
+        raise ModelError(f"joints.{joint.name}: expected lower below upper, got {found.lower:g} and {found.upper:g}")
     return found
 
 
+def _transmission(joint: Joint, said: Mapping[str, float | str], rotor: float | None) -> Transmission | None:
+    keys = {"gear_stiffness": "stiffness", "gear_damping": "damping", "backlash": "backlash", "encoder_at": "encoder"}
+    given = {name: said[key] for key, name in keys.items() if key in said}
+    found = joint.transmission
+    if not given:
+        return found
+    if found is None and "stiffness" not in given:
+        first = next(key for key in keys if key in said)
+        raise ModelError(f"joints.{joint.name}.{first}: expected gear_stiffness: {meaning('gear_stiffness')}")
+    if not rotor:
+        raise ModelError(f"joints.{joint.name}.gear_stiffness: expected rotor, above 0: {meaning('rotor')}")
+    return replace(found or Transmission(0.0), **cast(dict[str, Any], given))
+
+
 def _joint(where: str, values: dict[str, Any]) -> dict[str, float | str]:
-    _known(where, values, ("commanded", *_JOINT))
+    _known(where, values, (*_WORDS, *_JOINT))
     found: dict[str, float | str] = {}
     for key, value in values.items():
-        if key == "commanded":
-            if value not in UNITS:
-                raise ModelError(f"{where}.commanded: expected {choices(UNITS)}, got {value!r}")
+        if key in _WORDS:
+            if value not in _WORDS[key]:
+                raise ModelError(f"{where}.{key}: expected {choices(_WORDS[key])}, got {value!r}")
             found[key] = value
         else:
             found[key] = _number(f"{where}.{key}", value, *_JOINT[key])

@@ -1,7 +1,7 @@
 """The cell of another arm than the thesis's: which arm it is, what it really is, and what it does.
 
 arm = "six-axis"           # a name of arms/, its file or its model
-machine = "nominal"        # ideal, nominal or a number
+machine = "nominal"        # ideal, nominal, a number or a machine's file
 sort = "sort.toml"         # or poses or path; files beside this one
 late = 1                   # ticks from a command until it acts
 faults = ["K2*=0.8@30"]    # what is otherwise, and when
@@ -42,7 +42,7 @@ class ArmCell:
 
     Attributes:
         arm: a name of arms/, an arm's file or its model.
-        machine: ideal, nominal or a number.
+        machine: ideal, nominal, a number or a machine's file.
         poses: file of the poses that the arm takes.
         path: file of a path that it follows.
         sort: file of a sorting task. Without any of the three it goes through poses that are drawn.
@@ -127,4 +127,5 @@ def arm_cell_of(text: str) -> ArmCell | None:
     paths = {name: None if each is None else file.parent / each for name, each in beside.items()}
     own = file.parent / found.arm
     arm = str(own) if own.suffix in (".toml", ".urdf", ".xml", ".mjcf") else found.arm
-    return ArmCell(arm=arm, machine=found.machine, late=found.late, faults=found.faults, **paths)
+    machine = str(file.parent / found.machine) if found.machine.endswith(".toml") else found.machine
+    return ArmCell(arm=arm, machine=machine, late=found.late, faults=found.faults, **paths)

@@ -14,6 +14,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from dtwin.arm.chain import Arm, Array, Commanded, servo_torque
+from dtwin.arm.effort import effort_of
 from dtwin.arm.poses import Poses, ranges
 from dtwin.arm.sorting import Sorting
 from dtwin.controller.chain.application import Control, inputs
@@ -178,37 +179,6 @@ class ChainRun:
             "stop": self.stop,
             **({} if self.boxes is None else {"boxes": _box_figures(self.boxes, self.places)}),
         }
-
-
-def acting(command: Array, late: int) -> Array:
-    """What acts at the samples that commands answer, (N, n) each.
-
-    A command is held for a tick that begins with its sample, so that at the sample itself the mean of the command
-    before and the one after acts. Half a tick of delay against the positions would be told as inertia.
-
-    Args:
-        command: commands, from the first sample on.
-        late: ticks from a command until it acts.
-    """
-    held = np.vstack([np.zeros((late, command.shape[1])), command])[: len(command)]
-    before = np.vstack([held[:1], held[:-1]])
-    mean: Array = 0.5 * (before + held)
-    return mean
-
-
-def effort_of(arm: Arm, q: Array, command: Array, late: int) -> Array:
-    """What acts at the samples, (N, n): of drives that are commanded a position the torque of their loops, N m or N.
-
-    Args:
-        arm: the arm.
-        q: what the encoders read, (N, n).
-        command: commands, (N, n).
-        late: ticks from a command until it acts.
-    """
-    if not arm.servos or len(q) < 2:
-        return acting(command, late)
-    asked = q[0] + acting(command - q[0], late)
-    return servo_torque(arm, asked, q, np.gradient(q, arm.period, axis=0))
 
 
 def _box_figures(counts: Counts, places: Array) -> dict[str, float]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from dtwin.arm.adjustment import Adjustment
 from dtwin.arm.chain import Arm, Array
+from dtwin.arm.effort import BEFORE, ahead, effort_of
 from dtwin.campaign.spread import Progress
 from dtwin.commands.frame import at_least
 from dtwin.controller.chain.embedded import ChainController
@@ -18,7 +19,7 @@ from dtwin.monitoring.chain.sequential import HEALTHY
 from dtwin.recovery.chain.answers import MEASURES
 from dtwin.recovery.chain.operator import ArmOperator, Step
 from dtwin.run.arm_cell import ArmCell
-from dtwin.run.chain import ChainRun, ChainSettings, acting, run
+from dtwin.run.chain import ChainRun, ChainSettings, run
 from evidence.experiment import ExperimentCommand
 from evidence.report import Report
 
@@ -107,11 +108,12 @@ class Onlooker:
             self.operator = ArmOperator(arm, blocks)
         if done - self._seen < _AT_ONCE:
             return
-        first = max(0, self._seen - late - 1)
-        effort = acting(rows[2, first:done], late)[self._seen - first :]
-        part = slice(self._seen, done)
-        t: Array = arm.period * np.arange(self._seen, done, dtype=np.float64)
-        self.operator.follow(t, rows[0, part], rows[1, part], effort)
+        later = ahead(arm)
+        begin, end = max(0, self._seen - later), done - later
+        first = max(0, begin - late - BEFORE)
+        effort = effort_of(arm, rows[0, first:done], rows[2, first:done], late)[begin - first : end - first]
+        t: Array = arm.period * np.arange(begin, end, dtype=np.float64)
+        self.operator.follow(t, rows[0, begin:end], rows[1, begin:end], effort)
         self._seen = done
 
 

@@ -19,13 +19,13 @@ NAME: Final = "check"
 class Options(ArmCellOptions):
     """Make the arm of the options and the values of its blocks, without running it."""
 
-    twin: bool = False
-    """Whether services of the twin watch or identify it."""
+    identified: bool = False
+    """Whether it is identified while it runs."""
 
     def run(self) -> int:
         settings = self.settings()
-        if self.twin:
-            without_servos(settings.arm, "--monitoring, --identification and --recovery")
+        if self.identified:
+            without_servos(settings.arm, "--identification")
         inputs(settings.arm, usual_inertia(settings.arm), settings.control, settings.poses)
         return 0
 

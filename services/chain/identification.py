@@ -124,7 +124,7 @@ class Identifying:
                 service.report("running", self._finished, time=self._time)
 
     def _forget(self) -> None:
-        self._rows = Rows(len(self._settings.arm), self._settings.late)
+        self._rows = Rows(self._settings.arm, self._settings.late)
         self._kept: list[tuple[Array, Array, Array, Array]] = []
 
     def _adjust(self, message: JointAdjustment) -> None:

@@ -108,7 +108,7 @@ class Watching:
 
     def _begin_anew(self) -> None:
         self._monitor = ArmMonitor(self._settings.arm, self._healthy)
-        self._rows = Rows(len(self._settings.arm), self._settings.late)
+        self._rows = Rows(self._settings.arm, self._settings.late)
         self._told = self._confirmed = 0
         self._next = 0.0
         if self._demands is not None:

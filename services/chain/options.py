@@ -16,7 +16,7 @@ class ArmCellOptions:
     kind: str
     """Name of arms/, the arm's file or its model."""
     machine: str
-    """ideal, nominal or a number."""
+    """ideal, nominal, a number or a machine's file (*.toml)."""
     poses: Path | None = None
     """TOML file of the poses that it takes."""
     path: Path | None = None

@@ -118,7 +118,9 @@ def other_arm(options: Any) -> OtherArm | None:
         given |= task
     arm = options.arm if is_other(options.arm) else given["arm"]
     own = str(Path(arm).resolve()) if Path(arm).suffix.lower() in ENDINGS else arm
-    words = ["--kind", own, "--machine", options.machine or given.get("machine") or "ideal"]
+    machine = options.machine or given.get("machine") or "ideal"
+    machine = str(Path(machine).resolve()) if machine.endswith(".toml") else machine
+    words = ["--kind", own, "--machine", machine]
     for name in task:
         if (file := given.get(name)) is not None:
             words += [f"--{name}", str(file.resolve())]

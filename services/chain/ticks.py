@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections import deque
 from typing import Final
 
 import numpy as np
 
-from dtwin.arm.chain import Array
+from dtwin.arm.chain import Arm, Array
+from dtwin.arm.effort import BEFORE, ahead, effort_of
 from dtwin.bus.chain.messages import JointTick
 
 BRIDGED: Final = 10
@@ -17,18 +17,28 @@ BRIDGED: Final = 10
 class Rows:
     """Ticks as rows of arrays, with what acted at the samples, as `ChainRun.effort` has it.
 
+    The first ticks of a stretch say what acts at those that follow: where commands come late the commands, where
+    drives are commanded a position the velocity.
+
     Args:
-        joints: number of joints.
+        arm: the arm.
         late: ticks from a command until it acts.
     """
 
-    def __init__(self, joints: int, late: int) -> None:
-        self._sent: deque[Array] = deque([np.zeros(joints)] * (late + 1), maxlen=late + 2)
-        self._rows: list[tuple[float, Array, Array, Array]] = []
+    def __init__(self, arm: Arm, late: int) -> None:
+        self._arm = arm
+        self._late = late
+        self._ahead = ahead(arm)
         self._last: JointTick | None = None
+        self._begin()
+
+    def _begin(self) -> None:
+        """Begins a new stretch."""
+        self._rows: list[tuple[float, Array, Array, Array]] = []
+        self._passed = self._late + self._ahead  # of them, which are there for what acts at the others
 
     def __len__(self) -> int:
-        return len(self._rows)
+        return max(0, len(self._rows) - self._passed - self._ahead)
 
     def add(self, tick: JointTick) -> int:
         """Takes a tick; returns how many before it are missing and could not be bridged, -1 if time went back."""
@@ -37,26 +47,21 @@ class Rows:
             return 0
         self._last = tick
         gap = 1 if last is None else tick.sensors.sequence - last.sensors.sequence
-        if gap < 1:
-            self._rows.clear()
-        elif last is not None and 1 < gap <= BRIDGED:
-            for k in range(1, gap):
-                self._append(_between(last, tick, k / gap))
-        elif gap > BRIDGED:
-            self._rows.clear()
-        self._append(_row(tick))
+        if not 1 <= gap <= BRIDGED:
+            self._begin()
+        elif last is not None:
+            self._rows += [_between(last, tick, k / gap) for k in range(1, gap)]
+        self._rows.append(_row(tick))
         return -1 if gap < 1 else gap - 1 if gap > BRIDGED else 0
 
     def drain(self) -> tuple[Array, Array, Array, Array]:
         """The rows since the last call: times, readings, targets, and what acted; (N,) and (N, n)."""
-        rows, self._rows = self._rows, []
-        t, q, target, effort = (np.array(column) for column in zip(*rows, strict=True))
-        return t, q, target, effort
-
-    def _append(self, row: tuple[float, Array, Array, Array]) -> None:
-        t, q, target, sent = row
-        self._sent.append(sent)
-        self._rows.append((t, q, target, 0.5 * (self._sent[0] + self._sent[1])))
+        first, last = self._passed, self._passed + len(self)
+        t, q, target, sent = (np.array(column) for column in zip(*self._rows, strict=True))
+        effort = effort_of(self._arm, q, sent, self._late)
+        gone = max(0, last - self._late - BEFORE)
+        self._rows, self._passed = self._rows[gone:], last - gone
+        return t[first:last], q[first:last], target[first:last], effort[first:last]
 
 
 def _row(tick: JointTick) -> tuple[float, Array, Array, Array]:

@@ -10,9 +10,11 @@ from dtwin.campaign.spread import Workforce
 from dtwin.emulation.chain.arms import arm_of
 from dtwin.run.chain import sorting_poses
 from evidence.arm_sorting import (
+    ELASTIC,
     LATE,
     STIFF,
     USUAL,
+    WORN,
     ArmAtWork,
     ArmWork,
     arm_sorting_report,
@@ -37,7 +39,17 @@ def test_the_tool_reaches_whatever_is_drawn() -> None:
 
 
 def test_every_motor_is_weak_once_and_strong_once() -> None:
-    assert circumstances(ARM) == (USUAL, LATE, STIFF, "K1*=0.8@0", "K1*=1.2@0", "K2*=0.8@0", "K2*=1.2@0")
+    assert circumstances(ARM) == (
+        USUAL,
+        LATE,
+        STIFF,
+        ELASTIC,
+        WORN,
+        "K1*=0.8@0",
+        "K1*=1.2@0",
+        "K2*=0.8@0",
+        "K2*=1.2@0",
+    )
 
 
 def test_what_is_otherwise_is_so_in_the_plant_alone() -> None:
@@ -54,14 +66,29 @@ def test_what_is_otherwise_is_so_in_the_plant_alone() -> None:
     assert stiff.machine.arm.joints[0].actuator == usual.machine.arm.joints[0].actuator
 
 
+def test_gears_yield_where_the_blocks_know_nothing_of_it() -> None:
+    usual, elastic, worn = (
+        settings_of(ArmWork("planar-2r", TASK, 5, under, 1.0)) for under in (USUAL, ELASTIC, WORN)
+    )
+    for number, drawn in enumerate(elastic.machine.arm.joints):
+        gear, more = drawn.transmission, worn.machine.arm.joints[number].transmission
+        assert gear is not None
+        assert more is not None
+        assert 1e-3 < drawn.largest / gear.stiffness < 4e-3
+        assert (more.stiffness, more.backlash) == (gear.stiffness, pytest.approx(3.0 * gear.backlash))
+        assert drawn.friction == usual.machine.arm.joints[number].friction
+        assert worn.machine.arm.joints[number].friction.coulomb > usual.arm.joints[number].friction.coulomb
+    assert (elastic.machine.arm.parameters == usual.machine.arm.parameters).all()
+
+
 def test_drawn_machines_deliver_boxes_whatever_is_otherwise() -> None:
-    items = [ArmWork("planar-2r", TASK, 5, under, 25.0) for under in (USUAL, LATE, STIFF, "K1*=0.8@0")]
+    items = [ArmWork("planar-2r", TASK, 5, under, 25.0) for under in (USUAL, LATE, STIFF, WORN, "K1*=0.8@0")]
     found = at_work(items, Workforce(1), lambda done, of: None)
     assert all(one.exact == one.delivered >= 2 for one in found)
     assert settled(found)
     page = arm_sorting_report("planar-2r", found, 25.0).text
     assert "All was as asked." in page
-    assert all(f"| {under} |" in page for under in (USUAL, LATE, STIFF))
+    assert all(f"| {under} |" in page for under in (USUAL, LATE, STIFF, WORN))
 
 
 @dataclass(frozen=True)

@@ -97,15 +97,17 @@ def test_a_push_changes_nothing() -> None:
     assert answer_to(ChainFinding(1.0, "push1", 3.0), ARM, NONE).adjustment is None
 
 
-@pytest.mark.parametrize("kind", ["K", "bias", "lock"])
-def test_a_fault_of_a_drawn_machine_is_found_and_answered(kind: Kind) -> None:
-    case = recovery_case("planar-2r", 3900, np.random.default_rng([3900, 5]), kind)
+@pytest.mark.parametrize(
+    ("arm", "kind"), [("planar-2r", "K"), ("planar-2r", "bias"), ("planar-2r", "lock"), ("servo-2r", "friction")]
+)
+def test_a_fault_of_a_drawn_machine_is_found_and_answered(arm: str, kind: Kind) -> None:
+    case = recovery_case(arm, 3900, np.random.default_rng([3900, 5]), kind)
     assert case.right
     assert not case.early
     assert case.steps[0].answer.measure == MEASURES[kind]
     assert case.stopped == (kind == "lock")
     assert not case.consequences
-    assert "1 of 1 right" in str(arm_recovery_report("planar-2r", (case,)).parts[1])
+    assert "1 of 1 right" in str(arm_recovery_report(arm, (case,)).parts[1])
 
 
 def test_an_arm_that_counts_on_a_further_load_is_not_suspected_of_anything_else() -> None:

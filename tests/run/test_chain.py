@@ -86,7 +86,7 @@ def test_the_command_runs_an_arm_and_prints_its_figures(tmp_path: Path, capsys: 
             "--noise: has no meaning for another arm than the thesis's: expected --cell-file, --duration",
         ),
         (["--arm", "none"], "expected a file"),
-        (["--arm", "planar-2r", "--machine", "servo"], "expected ideal, nominal, or a number"),
+        (["--arm", "planar-2r", "--machine", "servo"], "expected ideal, nominal, a number"),
         (["--arm", "planar-2r", "--late", "11"], "late: expected 0 to 10 ticks"),
         (["--arm", "planar-2r", "--seed", "-1"], "seed: expected"),
         (["--arm", "planar-2r", "--duration", "nan"], "duration: expected"),

@@ -8,9 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dtwin.arm.adjustment import Adjustment
 from dtwin.arm.chain import servo_torque
 from dtwin.arm.file import read_file
 from dtwin.arm.poses import Poses, drawn_poses
+from dtwin.bus.chain.messages import JointCommands, JointSensors, JointTick
 from dtwin.cli import main
 from dtwin.controller.chain.application import Control, inputs
 from dtwin.controller.chain.embedded import ChainController
@@ -23,7 +25,8 @@ from dtwin.identification.chain.identify import Sample, identify, unexplained
 from dtwin.identification.chain.overlay import overlaid, write_arm
 from dtwin.identification.chain.result import numbers
 from dtwin.parameters import ROOT
-from dtwin.run.chain import ChainSettings, run
+from dtwin.run.chain import ChainRun, ChainSettings, run
+from dtwin.services.chain.ticks import BRIDGED, Rows
 from tests.run.test_chain_sorting import TASK
 
 ARM = arm_of("servo-2r")
@@ -89,11 +92,60 @@ def test_a_loop_gives_what_its_stiffness_and_damping_say() -> None:
     assert servo_torque(ARM, q + 100.0, q, qd).tolist() == [20.0, 8.0]
 
 
+@pytest.mark.parametrize("strength", [0.5, 0.8])
+def test_a_weaker_loop_is_commanded_as_much_farther_as_it_is_weaker(strength: float) -> None:
+    """It holds the arm with the same torque: strength times stiffness times what the command is beyond."""
+    poses = Poses(np.array([START, START]), 0.0, False)
+    beyond = []
+    for each in (1.0, strength):
+        blocks = ChainController(2, inputs(ARM, usual_inertia(ARM), settings(1).control, poses))
+        blocks.adjust(Adjustment((0.0, 0.0), (each, each), (1.0, 1.0)))
+        beyond.append(np.array(blocks.step(START.tolist())) - START)
+    assert np.abs(beyond[0]).min() > 1e-3
+    assert strength * beyond[1] == pytest.approx(beyond[0], rel=1e-9)
+
+
 def test_it_is_identified_by_the_torque_of_its_loops() -> None:
     fitted, other = (run(settings(seed)).measurement() for seed in (1, 2))
     assert fitted.kind == "torque"
     found = identify(ARM, [Sample(fitted)])
     assert (unexplained(*found.predicted(other)) < 0.06).all()
+
+
+def ticks_of(ran: ChainRun) -> list[JointTick]:
+    rows = zip(ran.t.tolist(), ran.q.tolist(), ran.command.tolist(), ran.target.tolist(), strict=True)
+    return [
+        JointTick(JointSensors(k, t, tuple(q)), JointCommands(k, t, tuple(command), tuple(target)))
+        for k, (t, q, command, target) in enumerate(rows)
+    ]
+
+
+@pytest.mark.parametrize("late", [0, 1])
+def test_ticks_off_the_bus_tell_the_torque_of_its_loops(late: int) -> None:
+    """However many are drained together: the velocity of a tick is known two ticks later."""
+    ran = run(settings(3, 2.0, late))
+    rows, drained = Rows(ARM, late), []
+    for tick in ticks_of(ran):
+        assert rows.add(tick) == 0
+        if len(rows) >= 7:
+            drained.append(rows.drain())
+    t, q, target, effort = (np.concatenate(each) for each in zip(*drained, strict=True))
+    told = np.isin(ran.t, t)
+    assert t[0] == ran.t[late + 2]
+    assert len(t) > 180
+    for mine, whole in ((q, ran.q), (target, ran.target), (effort, ran.effort)):
+        assert mine == pytest.approx(whole[told], abs=1e-9)
+
+
+def test_after_ticks_that_are_lost_nothing_counts_on_those_before() -> None:
+    ran, rows, lost = run(settings(3, 1.0)), Rows(ARM, 0), slice(40, 40 + BRIDGED)
+    ticks = ticks_of(ran)
+    del ticks[lost]
+    missing = [rows.add(tick) for tick in ticks]
+    assert sum(missing) == missing[lost.start] == BRIDGED
+    t, *_, effort = rows.drain()
+    assert t[0] == ran.t[lost.stop + 2]
+    assert effort == pytest.approx(ran.effort[lost.stop + 2 : -2], abs=1e-9)
 
 
 def test_what_is_found_counts_that_its_loops_differ_from_the_data_sheet(tmp_path: Path) -> None:

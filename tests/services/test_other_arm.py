@@ -279,7 +279,7 @@ def _model_of(bus: Bus) -> ArmModel | None:
 def test_an_arm_whose_drives_take_positions_is_held_where_it_was_by_whatever_stops_it(desk: Desk) -> None:
     """A command of zero would move it. Stopped by a person, and without a controller and its supervisor's help."""
     words = ["--arm", "servo-2r", "--machine", "nominal"]
-    assert "makes its torque itself" in desk.run("up", *words, "--monitoring", status=2)
+    assert "makes its torque itself" in desk.run("up", *words, "--identification", status=2)
     desk.detach(*words)
     until(lambda: desk.summary()["ticks"] > 100, "the arm runs in real time")
     assert desk.run("stop").startswith("standstill")

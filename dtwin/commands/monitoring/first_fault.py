@@ -8,7 +8,8 @@ from typing import Final
 
 from dtwin.emulation.chain.arms import arm_of
 from dtwin.errors import ParameterError
-from dtwin.monitoring.chain.sequential import first_fault
+from dtwin.monitoring.chain.finding import hidden_in_words
+from dtwin.monitoring.chain.sequential import watched
 from dtwin.run.arm_log import read_arm_log
 from dtwin.terminal import print_json, printable
 
@@ -33,16 +34,26 @@ def monitor_arm(log: Path, arm: str, healthy: float, json: bool) -> int:
         raise ParameterError(f"--healthy: expected at least {LEAST_HEALTHY:g} s, got {healthy:g}")
     known = arm_of(arm)
     rows = read_arm_log(log, known)
-    found = first_fault(known, rows.t, rows.q, rows.target, rows.effort, healthy)
+    watch = watched(known, rows.t, rows.q, rows.target, rows.effort, healthy)
+    found, hidden = watch.finding, watch.hidden()
     if json:
         finding = None
         if found is not None:
             finding = {"time": found.time, "cause": found.cause, "size": found.size, "others": found.others}
         print_json(
-            {"arm": known.name, "healthy": healthy, "judged": float(rows.t[-1] - rows.t[0]), "finding": finding}
+            {
+                "arm": known.name,
+                "healthy": healthy,
+                "judged": float(rows.t[-1] - rows.t[0]),
+                "finding": finding,
+                "unobservable": {cause: size if math.isfinite(size) else None for cause, size in hidden.items()},
+            }
         )
     else:
         judged = f"arm {known.name}: learned in {healthy:g} s, judged until {rows.t[-1]:g} s"
         print(printable(judged))
         print(printable("nothing is wrong" if found is None else found.text(known)))
+        if hidden:
+            said = "; ".join(hidden_in_words(known, *each) for each in hidden.items())
+            print(printable(f"the last seconds that were judged could not have shown: {said}"))
     return int(found is not None)

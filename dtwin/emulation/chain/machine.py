@@ -1,18 +1,27 @@
 """What a serial arm of a kind really is: another arm with its own numbers, and effects that its equations leave out.
 
-A machine is `ideal`, which has no friction but the viscous one and encoders without steps; `nominal`, which is as the
-data sheet says with all effects; or a number, for which an arm is drawn from the tolerances of its kind.
+A machine is `ideal`, which has no friction but the viscous one, gears that do not yield, and encoders without steps;
+`nominal`, which is as the data sheet says with all effects; a number, for which an arm is drawn from the tolerances
+of its kind; or a file, which changes some numbers of one of these:
+
+base = "7"                 # ideal, nominal or a number; nominal without it
+
+[joints.lift]              # keys of the arm's own file
+gear_stiffness = 8000.0    # N m/rad
+backlash = 3e-4            # rad
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Final
 
 import numpy as np
 
-from dtwin.arm.chain import Actuator, Arm, Friction, Joint, Link
-from dtwin.errors import ModelError
+from dtwin.arm.chain import Actuator, Arm, Array, Friction, Joint, Link
+from dtwin.arm.file import SUFFIX, content_of, joints_of, with_joints
+from dtwin.errors import ModelError, choices
 
 IDEAL: Final = "ideal"
 NOMINAL: Final = "nominal"
@@ -24,7 +33,7 @@ class Machine:
     """A machine.
 
     Attributes:
-        name: ideal, nominal, or its number.
+        name: ideal, nominal, its number, or its file.
         arm: what it really is.
         friction: whether Coulomb friction and friction that grows with the load act.
         encoders: whether encoders have steps and noise.
@@ -37,28 +46,52 @@ class Machine:
 
 
 def machine_of(text: str, arm: Arm) -> Machine:
-    """The machine of an arm that a name or a number stands for.
+    """The machine of an arm that a name, a number or a file stands for.
 
     Raises:
-        ModelError: there is no such machine.
+        ModelError: there is no such machine, or its file cannot be used.
     """
+    if text.endswith(SUFFIX):
+        return _of_file(Path(text), arm)
     if text == IDEAL:
-        return Machine(IDEAL, arm, friction=False, encoders=False)
+        return Machine(IDEAL, rigid(arm), friction=False, encoders=False)
     if text == NOMINAL:
         return Machine(NOMINAL, arm)
     if text.isascii() and text.isdecimal() and int(text) <= _LARGEST:
         return Machine(text, drawn(arm, int(text)))
     raise ModelError(
-        f"machine {text!r}: expected {IDEAL}, {NOMINAL}, or a number up to {_LARGEST}, whose arm is drawn from the "
-        "tolerances"
+        f"machine {text!r}: expected {IDEAL}, {NOMINAL}, a number up to {_LARGEST}, whose arm is drawn from the "
+        f"tolerances, or a file (*{SUFFIX})"
     )
+
+
+def rigid(arm: Arm) -> Arm:
+    """The arm with gears that do not yield."""
+    return replace(arm, joints=tuple(replace(joint, transmission=None) for joint in arm.joints))
+
+
+def _of_file(path: Path, arm: Arm) -> Machine:
+    content = content_of(path, "a machine")
+    keys = ("base", "joints")
+    for key in content:
+        if key not in keys:
+            raise ModelError(f"{path}: {key}: unknown key: expected {choices(keys)}")
+    base = content.get("base", NOMINAL)
+    if not isinstance(base, str) or base.endswith(SUFFIX):
+        raise ModelError(f"{path}: base: expected {IDEAL}, {NOMINAL} or a number as text, got {base!r}")
+    try:
+        found, joints = machine_of(base, arm), joints_of(content)
+    except ModelError as error:
+        raise ModelError(f"{path}: {error}") from None
+    return replace(found, name=path.stem, arm=with_joints(found.arm, path, joints))
 
 
 def drawn(arm: Arm, number: int) -> Arm:
     """The arm of a number: the same number is the same arm everywhere.
 
     Factors are exp(s w) with the relative standard deviation s and a standard normal w, so that nothing changes its
-    sign. An inertia has the factor of its mass times its own; centres of mass are shifted along each axis.
+    sign. An inertia has the factor of its mass times its own; centres of mass are shifted along each axis. Gears have
+    a generator of their own, so that an arm is the same one whether they yield or not.
     """
     generator = np.random.default_rng(np.random.SeedSequence([0x61726D, number]))
     spread = arm.tolerances
@@ -75,7 +108,17 @@ def drawn(arm: Arm, number: int) -> Arm:
     joints = [
         _drawn_joint(joint, *(factor(d) for d in (spread.constant, *[spread.friction] * 3))) for joint in arm.joints
     ]
+    own = np.random.default_rng(np.random.SeedSequence([0x67656172, number]))
+    joints = [_drawn_gear(joint, np.exp(spread.gear * own.standard_normal(3))) for joint in joints]
     return replace(arm, joints=tuple(joints), links=tuple(links))
+
+
+def _drawn_gear(joint: Joint, factors: Array) -> Joint:
+    gear = joint.transmission
+    if gear is None:
+        return joint
+    stiffness, damping, backlash = map(float, factors * [gear.stiffness, gear.damping, gear.backlash])
+    return replace(joint, transmission=replace(gear, stiffness=stiffness, damping=damping, backlash=backlash))
 
 
 def _drawn_joint(joint: Joint, constant: float, viscous: float, coulomb: float, load: float) -> Joint:

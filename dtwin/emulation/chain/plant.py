@@ -12,14 +12,13 @@ import numpy as np
 from dtwin.arm.chain import Array
 from dtwin.emulation.chain.faults import ChainFault
 from dtwin.emulation.chain.machine import Machine
-from dtwin.emulation.chain.model import LOAD, build
+from dtwin.emulation.chain.model import LOAD, Gears, build
 from dtwin.emulation.chain.stepping import Stepping
 from dtwin.emulation.stepping import STEP
 from dtwin.errors import DivergenceError
 
 STEPS: Final = 4
-"""Integration steps in a tick: 2.5 ms at 10 ms, as of the thesis's arm."""
-
+"""Integration steps in a tick: 2.5 ms at 10 ms, as of the thesis's arm; more where gears yield (`Gears`)."""
 
 LOCKED: Final = 1e5
 """Friction of a joint that is locked, N m or N: no drive moves it."""
@@ -50,6 +49,8 @@ class ChainPlant:
         self._period = arm.period
         self._model = build(arm, arm.period / STEPS)
         self._data = mujoco.MjData(self._model)
+        self._gears = Gears(arm, self._model, STEPS)
+        self._motor = self._gears.motor
         self._load = self._model.body(LOAD).id
         self._constant = np.array([joint.actuator.constant or 1.0 for joint in arm.joints])
         self._limit = np.array([joint.actuator.limit for joint in arm.joints])
@@ -63,9 +64,10 @@ class ChainPlant:
         self._step = np.array([joint.step for joint in arm.joints])
         self._generator = np.random.default_rng(seed)
         self._waiting = [np.zeros(len(arm)) for _ in range(late)]
-        self._data.qpos[:] = start
-        self._damping = np.array(self._model.dof_damping)
-        self._impedance = np.array(self._model.dof_solimp[:, :2])
+        self._data.qpos[: len(arm)] = start
+        self._data.qpos[self._motor] = start
+        self._damping = np.array(self._model.dof_damping[self._motor])
+        self._impedance = np.array(self._model.dof_solimp[: len(arm), :2])
         self._faults = list(faults)
         self._factor = {kind: np.ones(len(arm)) for kind in ("K", "friction")}
         self._added = {kind: np.zeros(len(arm)) for kind in ("bias", "push", "load")}
@@ -77,14 +79,14 @@ class ChainPlant:
             self._waiting = [np.array(start, dtype=np.float64) for _ in range(late)]
             self._data.ctrl[:] = start
         if machine.friction:
-            self._model.dof_frictionloss[:] = self._coulomb
+            self._model.dof_frictionloss[self._motor] = self._coulomb
         mujoco.mj_forward(self._model, self._data)
         self._stepping: Stepping | None = None
         self._drawn: tuple[Any, int] = None, 0
 
     def read(self) -> Array:
         """What the encoders read, (n,), rad or m."""
-        q = np.array(self._data.qpos)
+        q = np.array(self._data.qpos[self._gears.read])
         if self._machine.encoders:
             q = q + self._machine.arm.tolerances.noise * self._generator.standard_normal(len(q))
             steps = np.where(self._step > 0.0, self._step, 1.0)
@@ -104,7 +106,7 @@ class ChainPlant:
         Raises:
             NativeError: there is no C compiler.
         """
-        if self._faults or self._servos or STEP is None:
+        if self._faults or self._servos or self._gears.elastic or STEP is None:
             return None
         if self._stepping is None:
             loaded = self._machine.friction and self._share.any()
@@ -176,14 +178,21 @@ class ChainPlant:
                 self._locked[fault.joint] = True
             elif fault.kind in self._added:
                 self._added[fault.kind][fault.joint] += fault.value
-        self._model.dof_damping[:] = self._damping * self._factor["friction"]
-        self._model.dof_solimp[:, :2] = np.where(self._locked[:, None], _RIGID, self._impedance)
+        self._model.dof_damping[self._motor] = self._damping * self._factor["friction"]
+        self._model.dof_solimp[: len(self._locked), :2] = np.where(self._locked[:, None], _RIGID, self._impedance)
         self._loaded(self._held + float(self._added["load"][0]))
 
     @property
     def state(self) -> tuple[Array, Array]:
-        """True positions and velocities, (n,) each."""
-        return np.array(self._data.qpos), np.array(self._data.qvel)
+        """True positions and velocities of the joints, (n,) each."""
+        n = len(self._locked)
+        return np.array(self._data.qpos[:n]), np.array(self._data.qvel[:n])
+
+    @property
+    def twist(self) -> tuple[Array, Array]:
+        """What each motor is ahead of its joint, and faster, (n,) each; 0 where the gear does not yield."""
+        n, data = len(self._locked), self._data
+        return data.qpos[self._motor] - data.qpos[:n], data.qvel[self._motor] - data.qvel[:n]
 
     @property
     def tool(self) -> Array:
@@ -200,7 +209,7 @@ class ChainPlant:
         mass = max(mass, 1e-14)
         change = mass - self._model.body_mass[self._load]
         self._model.body_mass[self._load] = mass  # to the bit, so that holding it on changes nothing
-        self._model.body_subtreemass[: self._load + 1] += change  # all bodies hang on one another
+        self._model.body_subtreemass[: self._load + 1] += change  # all bodies of the chain hang on one another
 
     def apply(self, commands: Sequence[float]) -> None:
         """Commands the drives, (n,), in their own units, each within its limit.
@@ -217,9 +226,9 @@ class ChainPlant:
             self._model.actuator_biasprm[:] = factor * self._bias
             self._model.actuator_forcerange[:] = factor * self._force
             self._data.ctrl[:] = command - self._added["bias"]
-            self._data.qfrc_applied[:] = self._added["push"]
+            self._load_with(np.zeros(len(command)))
         else:
-            self._data.qfrc_applied[:] = self._factor["K"] * self._constant * command + self._added["push"]
+            self._load_with(self._factor["K"] * self._constant * command)
 
     def advance(self) -> None:
         """Goes on by a tick.
@@ -227,20 +236,37 @@ class ChainPlant:
         Raises:
             DivergenceError: the motion is not finite any more.
         """
-        model, data = self._model, self._data
+        model, data, steps = self._model, self._data, self._gears.steps
         if self._machine.friction and (self._share.any() or self._faults):
-            for _ in range(STEPS):
-                lost = data.qfrc_passive + data.qfrc_constraint
-                given = data.qfrc_applied + data.qfrc_actuator
-                carried = np.abs(given + lost - self._rotor * data.qacc)
-                model.dof_frictionloss[:] = self._factor["friction"] * (self._coulomb + self._share * carried)
-                model.dof_frictionloss[self._locked] = LOCKED
+            for _ in range(steps):
+                carried = self._gears.carried(data, self._rotor)
+                self._brake(self._factor["friction"] * (self._coulomb + self._share * carried))
                 mujoco.mj_step(model, data)
-        elif self._faults:
-            model.dof_frictionloss[:] = np.where(self._locked, LOCKED, 0.0)
-            mujoco.mj_step(model, data, nstep=STEPS)
         else:
-            mujoco.mj_step(model, data, nstep=STEPS)
+            if self._faults:
+                self._brake(np.zeros(len(self._locked)))
+            mujoco.mj_step(model, data, nstep=steps)
         self.time += self._period
         if data.warning[mujoco.mjtWarning.mjWARN_BADQACC].number or not np.isfinite(data.qpos).all():
             raise self.lost()
+
+    def _load_with(self, torque: Array) -> None:
+        """Lets the motors give torques, (n,), N m or N, beside what pushes the joints."""
+        applied, push = self._data.qfrc_applied, self._added["push"]
+        if self._gears.elastic:
+            applied[:] = 0.0
+            applied[: len(push)] = push
+            applied[self._motor] += torque
+        else:
+            applied[:] = torque + push
+
+    def _brake(self, loss: Array) -> None:
+        """Sets the dry friction of the motors, (n,), N m or N, and what keeps joints from moving that are locked."""
+        dry = self._model.dof_frictionloss
+        if self._gears.elastic:
+            dry[:] = 0.0
+            dry[self._motor] = loss
+            dry = dry[: len(loss)]
+        else:
+            dry[:] = loss
+        dry[self._locked] = LOCKED

@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from dtwin.arm.chain import Array
-from dtwin.run.chain import ChainRun, ChainSettings, effort_of
+from dtwin.arm.effort import BEFORE, ahead, effort_of
+from dtwin.run.chain import ChainRun, ChainSettings
 
 
 class Row(NamedTuple):
@@ -88,14 +89,21 @@ class ArmRows:
         self.forgotten += gone
 
     def since(self, first: int) -> Stretch:
-        """The ticks from a number on, with what acted, which depends on those before them."""
-        first = max(first, self.forgotten)
-        before = min(first - self.forgotten, self._settings.late + 2)
+        """The ticks from a number on, with what acted, which depends on those before them.
+
+        Where it depends on the tick after as well (`dtwin.arm.effort.ahead`), these are the ticks from one earlier on
+        to the last but one, so that calls with the length at the call before miss none.
+        """
+        settings = self._settings
+        later = ahead(settings.arm)
+        first = max(first - later, self.forgotten)
+        before = min(first - self.forgotten, settings.late + BEFORE)
         rows = self._rows[first - self.forgotten - before :]
         q, target, sent = (np.array([row[k] for row in rows]).reshape(len(rows), -1) for k in range(3))
-        effort = effort_of(self._settings.arm, q, sent, self._settings.late)
-        t = np.arange(first, len(self), dtype=np.float64) * self._settings.arm.period
-        return Stretch(t, q[before:], target[before:], effort[before:])
+        effort = effort_of(settings.arm, q, sent, settings.late)
+        t = np.arange(first, max(first, len(self) - later), dtype=np.float64) * settings.arm.period
+        known = slice(before, before + len(t))
+        return Stretch(t, q[known], target[known], effort[known])
 
     def run(self) -> ChainRun:
         """The same as a run of the arm alone."""

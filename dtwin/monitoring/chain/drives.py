@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from dtwin.arm.adjustment import Adjustment
 from dtwin.arm.chain import Arm, Array
+from dtwin.arm.effort import ahead
 from dtwin.monitoring.chain.expected import EVERY, WINDOW, Expected, Filtered, filtered
 from dtwin.monitoring.chain.finding import ChainFinding
 
@@ -47,6 +48,8 @@ SPREAD: Final = {"K": 0.3, "friction": 0.7}
 SHIFT: Final = 0.05
 """Usual size of what an encoder has shifted by without a jump, which single readings would show, rad or m."""
 _NOTHING: Final = 1e-12
+_UNSEEN: Final = 1e5
+"""Size, in the units of causes, from which on nothing shows it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -179,6 +182,15 @@ class Drives:
         self._shorten()
         return found
 
+    def visible(self) -> dict[str, float]:
+        """Least size of every cause that the last seconds would have shown; inf where nothing would have."""
+        found = np.full(len(self._names), np.inf)
+        for window, bound in self._bounds:
+            power = np.einsum("njc,njc->c", self._columns[-window:], self._columns[-window:])
+            found = np.minimum(found, np.sqrt(bound / np.maximum(power, _NOTHING)))
+        sizes = np.where(found < _UNSEEN, np.maximum(found, self._least), np.inf)
+        return dict(zip(self._names, sizes.tolist(), strict=True))
+
     @property
     def named(self) -> bool:
         """Whether the cause has been named for good."""
@@ -223,7 +235,7 @@ class Drives:
             sure = np.flatnonzero(enough.any(axis=1))
             if len(sure) and (best is None or begin + fresh + int(sure[0]) < best.sample):
                 at = fresh + int(sure[0])
-                time = float(self._times[at]) + WINDOW // 2 * self._arm.period
+                time = float(self._times[at]) + (WINDOW // 2 + ahead(self._arm)) * self._arm.period
                 best = Alarm(begin + at, window, time)
         return best
 
@@ -290,7 +302,9 @@ def _named(evidence: Evidence, first: int, alarm: int, last: int, alike: float, 
     left = float(evidence.energy[last, 0] - evidence.energy[first, 0]) - odds.max()
     spread = alike * max(1.0, left / ((last - first) * evidence.columns.shape[1]))
     prior = np.array([_likely(name, float(size)) for name, size in zip(evidence.names, sizes, strict=True)])
-    share = prior * np.exp(0.5 * (odds - odds.max()) / spread)
+    with np.errstate(divide="ignore"):  # what cannot be, such as a drive that lost more than all, is never named
+        weight = np.log(prior) + 0.5 * odds / spread
+    share = np.exp(weight - weight.max())
     order = np.argsort(-share)
     near = (share > SURE * share[order[0]]) | (evidence.alike(int(order[0]), first, last) > ALIKE)
     others = tuple(evidence.names[k] for k in order[1:] if near[k])

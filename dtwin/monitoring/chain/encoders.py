@@ -1,7 +1,7 @@
 """Encoders and joints that stand still: what single readings say of a serial arm, once its healthy motion is known.
 
-What jumps is as fast after the jump as before it, and away from its path by the jump alone; what is held or pushed is
-not. What stays is led farther than friction has held it while it was healthy.
+What jumps is as fast after the jump as before it, but for what its path is, and away from its path by the jump alone;
+what is held or pushed is not. What stays is led farther than friction has held it while it was healthy.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _FACTOR: Final = 2.0
 _JUMP: Final = 1e-3
 """Least jump of an encoder, rad or m."""
 _SAME: Final = 0.3
-"""Largest change of speed beside a jump, in parts of it."""
+"""Largest change of speed against the path beside a jump, in parts of it."""
 _ALONE: Final = 0.5
 """Largest further way from the path beside a jump, in parts of it."""
 _LED: Final = 0.05
@@ -32,6 +32,8 @@ _GRIPPED: Final = 5.0
 """Friction by which a joint may be held without being locked, in parts of what it was: what recovery compensates."""
 _PART: Final = 0.1
 """Part of the way on which it is led within which it stays."""
+_REPEATED: Final = 4
+"""Equal readings at the end of a stay from which on the encoder may repeat itself, after some that differ."""
 
 
 class Encoders:
@@ -93,18 +95,31 @@ class Encoders:
         first = max(0, len(led) - new)
         for j in np.flatnonzero(stays[first:].any(axis=0)):
             k = first + int(np.argmax(stays[first:, j]))
-            same = np.ptp(q[k + STILL // 2 : k + STILL + 1, j]) == 0.0
-            exact = self._noise > 0.0 and self._steps[j] < 4.0 * self._noise
-            kinds = ("lock",) if not same else ("freeze",) if exact else ("freeze", "lock")
+            kinds = self._kinds(q[k : k + STILL + 1, j], int(j))
             name, *others = (f"{kind}{j + 1}" for kind in kinds)
             yield ChainFinding(float(t[k + STILL]), name, 0.0, tuple(others), 1.0 / len(kinds))
 
+    def _kinds(self, read: Array, joint: int) -> tuple[str, ...]:
+        """What a stay may be, the likelier first, from its readings, (STILL + 1,).
+
+        The readings of a locked joint differ by the noise of its encoder, unless that is hidden by its steps.
+        """
+        changes = np.flatnonzero(np.diff(read))
+        equal = len(read) if not len(changes) else len(read) - 1 - int(changes[-1])
+        if equal < _REPEATED:
+            return ("lock",)
+        exact = self._noise > 0.0 and self._steps[joint] < 4.0 * self._noise
+        return ("freeze",) if exact and equal > STILL // 2 else ("freeze", "lock")
+
 
 def _ways(q: Array, target: Array) -> tuple[Array, Array, Array]:
-    """Jump beside the mean of the ways before and after, change of these, and way from the path, (N - 3, n) each."""
-    way = np.diff(q, axis=0)
+    """Jump beside the mean of the ways before and after, change of these, and way from the path, (N - 3, n) each.
+
+    The change is that against the path.
+    """
+    way, off = np.diff(q, axis=0), np.diff(q - target, axis=0)
     jump = way[1:-1] - 0.5 * (way[:-2] + way[2:])
-    change = np.abs(way[2:] - way[:-2])
+    change = np.abs(off[2:] - off[:-2])
     away = (q - target)[3:] - (q - target)[:-3]
     return jump, change, away
 

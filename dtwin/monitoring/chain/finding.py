@@ -58,6 +58,15 @@ class ChainFinding:
         return f"{self.time:.2f} s: {said}" + (f", about {self.size:.3g}" if self.size else "")
 
 
+def hidden_in_words(arm: Arm, cause: str, size: float) -> str:
+    """A cause that samples would not have shown below a size, inf for any, with the name of its joint.
+
+    A jump of an encoder shows by itself.
+    """
+    slowly = " without a jump" if cause.startswith("bias") else ""
+    return f"{in_words(arm, cause)}{slowly}" + (f", below {size:.2g}" if size < float("inf") else "")
+
+
 def in_words(arm: Arm, cause: str) -> str:
     """What a cause is, with the name of its joint."""
     kind = cause.rstrip("0123456789")

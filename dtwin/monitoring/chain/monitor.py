@@ -12,7 +12,7 @@ from dtwin.arm.adjustment import Adjustment
 from dtwin.arm.chain import Arm, Array
 from dtwin.bus.twin_messages import MonitoredUnit, MonitoringVerdict, UnitState
 from dtwin.errors import ParameterError
-from dtwin.monitoring.chain.finding import CAUSES, ChainFinding
+from dtwin.monitoring.chain.finding import CAUSES, ChainFinding, hidden_in_words
 from dtwin.monitoring.chain.sequential import HEALTHY, FirstFault
 from dtwin.signals import Event, EventKind
 
@@ -116,7 +116,8 @@ class ArmMonitor:
             told = self._unit(found)
             findings = (told,)
             units[TOOL if found.joint is None else f"joint {found.joint}"] = told
-        return MonitoringVerdict(self.time, units, (), (), self.missed, 0, findings)
+        hidden = tuple(hidden_in_words(self._arm, *each)[:1000] for each in self._watch.hidden().items())
+        return MonitoringVerdict(self.time, units, (), hidden, self.missed, 0, findings)
 
     def _unit(self, found: ChainFinding) -> MonitoredUnit:
         state: UnitState = "failed" if self._watch.settled else "may be degrading"

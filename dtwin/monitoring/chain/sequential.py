@@ -23,6 +23,10 @@ HEALTHY: Final = 60.0
 """Time from the beginning in which the arm is taken to be healthy, s."""
 EXPLAINS: Final = 3.0
 """Time after the first evidence of the drives in which an encoder's or a joint's fault explains it, s."""
+USUAL: Final = {"K": 0.2, "friction": 1.0, "bias": 0.01}
+"""Usual sizes of causes: a fifth of the torque is lost, friction has doubled, an encoder is 10 mrad off."""
+LOADED, PUSHED = 0.1, 0.2
+"""The same of a load in parts of the largest one, and of a push in parts of what the drive gives."""
 _AT_ONCE: Final = 2000
 """Samples of a log that are judged at once."""
 
@@ -62,6 +66,15 @@ class FirstFault:
         """Whether the cause that was found is not going to change any more."""
         named = self._drives is not None and (self._of_encoder or self._drives.named)
         return self.finding is not None and named
+
+    def hidden(self) -> dict[str, float]:
+        """Causes that the last seconds would not have shown, and from which size on they would (inf for none).
+
+        Those are told of which `usual_size` is hidden.
+        """
+        if self._drives is None:
+            return {}
+        return {name: size for name, size in self._drives.visible().items() if size > usual_size(self._arm, name)}
 
     def forget(self) -> None:
         """Begins a new stretch after samples that nobody knows; what is not learned yet is learned anew."""
@@ -147,6 +160,14 @@ class FirstFault:
             self.finding, self._of_encoder = replace(told, time=min(told.time, alarm.time)), True
 
 
+def usual_size(arm: Arm, cause: str) -> float:
+    """The size of a cause of which an arm in motion is expected to show it, in the unit of the cause."""
+    kind = cause.rstrip("0123456789")
+    if kind == "load":
+        return LOADED * arm.most_load
+    return PUSHED * arm.joints[int(cause[len(kind) :]) - 1].largest if kind == "push" else USUAL[kind]
+
+
 def _none(joints: int) -> tuple[Array, Array, Array]:
     return np.zeros(0), np.zeros((0, joints)), np.zeros((0, joints))
 
@@ -167,6 +188,15 @@ def first_fault(
     Raises:
         RecordingError: the log is not longer than the healthy stretch.
     """
+    return watched(arm, t, q, target, effort, healthy).finding
+
+
+def watched(arm: Arm, t: Array, q: Array, target: Array, effort: Array, healthy: float = HEALTHY) -> FirstFault:
+    """The monitor after a log, as `first_fault` takes it.
+
+    Raises:
+        RecordingError: the log is not longer than the healthy stretch.
+    """
     begin = int(np.searchsorted(t, t[0] + healthy)) if len(t) else 0
     if begin >= len(t) - EVERY * WINDOWS[0]:
         last = t[-1] - t[0] if len(t) else 0.0
@@ -180,4 +210,4 @@ def first_fault(
         if watch.settled:
             break
     watch.end()
-    return watch.finding
+    return watch

@@ -177,3 +177,33 @@ def test_faults_act_on_the_arm_alone_in_their_time() -> None:
     np.testing.assert_array_equal(plain.q[before], late.q[before])
     first = int(np.argmin(before))
     assert late.q[first, 1] - plain.q[first, 1] == pytest.approx(0.01)
+
+
+def test_what_an_arm_could_not_have_shown_is_told_with_the_size_from_which_on_it_would() -> None:
+    """In motion nothing of what is asked for is hidden; an arm that stands shows nothing."""
+    ran = run(SETTINGS)
+    monitor = ArmMonitor(SETTINGS.arm, HEALTHY)
+    assert monitor.verdict().unobservable == ()
+    monitor.follow(ran.t, ran.q, ran.target, ran.effort)
+    assert monitor.verdict().unobservable == ()
+    count = round(10.0 / SETTINGS.arm.period)
+    t = ran.t[-1] + SETTINGS.arm.period * np.arange(1, count + 1)
+    still = [np.tile(rows[-1], (count, 1)) for rows in (ran.q, ran.target, ran.effort)]
+    monitor.follow(t, *still)
+    told = monitor.verdict().unobservable
+    assert "drive of elbow: part of its torque lost" in told
+    assert "encoder of elbow reads too much without a jump" in told
+    assert "another load at the tool (kg)" in told
+
+
+@pytest.mark.parametrize("cause", ["K", "friction"])
+def test_the_size_that_is_told_is_the_one_from_which_on_a_fault_is_noticed(cause: str) -> None:
+    watch = FirstFault(SETTINGS.arm, HEALTHY)
+    healthy = run(replace(SETTINGS, duration=BEGIN))
+    watch.follow(healthy.t, healthy.q, healthy.target, healthy.effort)
+    assert watch.hidden() == {}
+    assert watch._drives is not None
+    size = watch._drives.visible()[f"{cause}2"]
+    sign = -1.0 if cause == "K" else 1.0
+    noticed = [found(f"{cause}2*={1.0 + sign * part * size:g}@38") is not None for part in (0.2, 1.5)]
+    assert noticed == [False, True]

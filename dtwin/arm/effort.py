@@ -1,0 +1,65 @@
+"""What acts at the samples of an arm, from what was commanded: the command itself, or the torque of an own loop."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from dtwin.arm.chain import Arm, Array, servo_torque
+
+BEFORE: Final = 3
+"""Samples before one, beside those that commands come late, on which depends what acts at it."""
+_AHEAD: Final = 2
+
+
+def ahead(arm: Arm) -> int:
+    """Samples after one that have to be there before it is known what acts at it.
+
+    The loop of a drive that is commanded a position has the velocity, which the next readings tell.
+    """
+    return _AHEAD if arm.servos else 0
+
+
+def acting(command: Array, late: int) -> Array:
+    """What acts at the samples that commands answer, (N, n) each.
+
+    A command is held for a tick that begins with its sample, so that at the sample itself the mean of the command
+    before and the one after acts. Half a tick of delay against the positions would be told as inertia.
+
+    Args:
+        command: commands, from the first sample on.
+        late: ticks from a command until it acts.
+    """
+    held = np.vstack([np.zeros((late, command.shape[1])), command])[: len(command)]
+    before = np.vstack([held[:1], held[:-1]])
+    mean: Array = 0.5 * (before + held)
+    return mean
+
+
+def effort_of(arm: Arm, q: Array, command: Array, late: int) -> Array:
+    """What acts at the samples, (N, n): of drives that are commanded a position the torque of their loops, N m or N.
+
+    A command that is held for a tick T is in the mean one that moves on smoothly, half a tick late, and T^2 / 24 of
+    its curvature more; the mean of two neighbours has T^2 / 8. With a stiffness k the rest, k T^2 / 12, would be told
+    as inertia. What counts of the first and last samples is less exact.
+
+    Args:
+        arm: the arm.
+        q: what the encoders read, (N, n).
+        command: commands, (N, n).
+        late: ticks from a command until it acts.
+    """
+    if not arm.servos or len(q) < 2:
+        return acting(command, late)
+    asked = q[0] + acting(command - q[0], late)
+    asked[1:-1] -= (asked[2:] - 2.0 * asked[1:-1] + asked[:-2]) / 12.0
+    return servo_torque(arm, asked, q, _velocity(q, arm.period))
+
+
+def _velocity(q: Array, period: float) -> Array:
+    """Velocities at the samples, (N, n), by differences of fourth order: what others miss is told as friction."""
+    found: Array = np.gradient(q, period, axis=0)
+    if len(q) > 2 * _AHEAD:
+        found[2:-2] = (8.0 * (q[3:-1] - q[1:-3]) - (q[4:] - q[:-4])) / (12.0 * period)
+    return found
