@@ -61,7 +61,7 @@ def prepare(service: Service, parts: Sequence[Part]) -> None:
 
 
 def _compilations(tell: Callable[[str], object]) -> AbstractContextManager[None]:
-    """Tells what is compiled meanwhile; a service that has no kernels compiles none, and Numba is not loaded for it."""
+    """Tells what is compiled meanwhile: nothing by a service without kernels, for which Numba is not loaded."""
     if _COMPILED not in sys.modules:
         return nullcontext()
     from dtwin.twin.compiled import compilations
