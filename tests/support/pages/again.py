@@ -1,4 +1,4 @@
-"""Pages of a browser that are used again: a new one starts processes, which takes as long as two pages take to load."""
+"""Pages of a browser that are used again: a new one starts processes, which takes as long as two loads."""
 
 from typing import Any, Final
 
