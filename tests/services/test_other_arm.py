@@ -127,8 +127,8 @@ def test_the_monitor_of_another_arm_learns_it_names_a_fault_and_has_it_stopped(d
 
 
 def test_recovery_lets_the_blocks_of_another_arm_count_on_what_was_found(desk: Desk) -> None:
-    words = ["--arm", "planar-2r", "--machine", "7", "--pace", "lockstep", "--monitoring", "--healthy", "60"]
-    desk.detach(*words, "--recovery", "act", "--fault", "K1*=0.7@90")
+    words = ["--arm", "planar-2r", "--machine", "7", "--pace", "lockstep", "--monitoring", "--healthy", "30"]
+    desk.detach(*words, "--recovery", "act", "--fault", "K1*=0.7@45")
     verdicts: list[MonitoringVerdict] = []
     events: list[Event] = []
     with join("cell") as bus:

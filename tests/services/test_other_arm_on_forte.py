@@ -52,11 +52,11 @@ def test_a_forte_moves_another_arm_as_the_blocks_in_the_bridge_do(desk: Desk, tm
 
 @pytest.mark.parametrize("binary", FORTES)
 def test_recovery_and_uploads_reach_the_blocks_on_a_forte(desk: Desk, tmp_path: Path, binary: str) -> None:
-    words = ["--arm", "planar-2r", "--machine", "7", "--pace", "lockstep", "--monitoring", "--healthy", "60"]
+    words = ["--arm", "planar-2r", "--machine", "7", "--pace", "lockstep", "--monitoring", "--healthy", "30"]
     verdicts: list[MonitoringVerdict] = []
     events: list[Event] = []
     with forte(tmp_path, binary=binary) as address:
-        given = ["--recovery", "act", "--fault", "K1*=0.7@90", "--controller", f"forte://{address}"]
+        given = ["--recovery", "act", "--fault", "K1*=0.7@45", "--controller", f"forte://{address}"]
         desk.detach(*words, *given)
         with join("cell") as bus:
             bus.subscribe(MONITORING, MonitoringVerdict, verdicts.append)
