@@ -38,6 +38,8 @@ TIMEOUT: Final = 5.0
 """Longest time for a response, s."""
 ATTEMPT: Final = 2.0
 """Longest time for the first response of a session, s; then another session is begun, as long as there is time."""
+PAUSE: Final = 0.02
+"""Time between two sessions, s: a device that is kept busy with new ones does not get on with what it has."""
 
 Step = tuple[str, RequestAction, Subject | None]
 """A resource, or "" for the device, what is asked of it, and for what."""
@@ -106,6 +108,7 @@ class ManagementClient:
                 if time.monotonic() > deadline:
                     self._client.close()
                     raise
+                time.sleep(PAUSE)
 
     def _connected(self) -> BlockingClient:
         return BlockingClient(self.address, REQUESTS, RESPONSES, self._timeout)
