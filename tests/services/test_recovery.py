@@ -67,13 +67,8 @@ def test_an_arm_without_an_encoder_is_stopped_with_its_box(desk: Desk) -> None:
     (answer,) = run.story.steps
     assert answer.measure == "stop"
     assert run.story.fault is not None
-<<<<<<< HEAD
     # In lockstep the plant goes on while a busy machine passes the word, so that the finding's own time counts. Also
     # when the fault comes depends on the machine: noticing takes 0.03 s, 0.14 s while a box has just been gripped.
-=======
-    # In lockstep the plant goes on while a busy machine passes the word, so that the finding's own time counts. When
-    # the fault comes depends on the machine: noticing takes 0.03 s, and 0.14 s while a box has just been gripped.
->>>>>>> 3270939c (Let services of another arm load SciPy, PyArrow and Numba only when they need them, and a line know its track by heart)
     assert run.story.findings[0].detected - run.story.fault < 0.2
     assert (run.outcome, run.box_lost) == ("stopped, person told", False)
     orders = [moment.text for moment in run.moments if moment.who == "operator"]
