@@ -76,7 +76,7 @@ def deploy_cell(address: Address, settings: ControlSettings) -> None:
     """
     library = Library([BLOCKS])
     system = configured(library.load_system(BLOCKS / SYSTEM), settings.inputs())
-    with ManagementClient(address) as client:
+    with ManagementClient(address).attended() as client:
         for device in system.devices:
             for resource in device.resources:
                 network = device_network(system, f"{device.name}.{resource.name}")

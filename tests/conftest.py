@@ -1,5 +1,6 @@
 """Settings of hypothesis, and runs of the cell that several tests look at, made once."""
 
+import gc
 from collections.abc import Callable, Iterator
 from functools import cache
 from typing import Any
@@ -25,8 +26,15 @@ NOISE = 0.003
 
 
 def pytest_configure() -> None:
-    """Lets workers that fill gaps give way to the others."""
+    """Lets workers that fill gaps give way to the others; nothing that is collected is rubbish."""
     give_way()
+    gc.disable()
+
+
+def pytest_collection_finish() -> None:
+    """Collects rubbish from now on, among what the tests make: the modules and the tests themselves stay."""
+    gc.freeze()
+    gc.enable()
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -69,6 +69,19 @@ def test_services_load_what_they_need(name: str, needed: set[str]) -> None:
     assert not found & DEAREST
 
 
+@pytest.mark.parametrize(
+    ("name", "needed"),
+    [
+        *((name, {"numpy", "mujoco", "lark"}) for name in ("emulator", "bridge", "recovery", "console", "check")),
+        ("recorder", {"numpy", "mujoco", "lark", "pyarrow"}),
+        ("simulation", {"numpy", "mujoco", "lark"}),
+        ("monitoring", {"numpy", "mujoco", "lark", "scipy"}),
+    ],
+)
+def test_services_of_another_arm_read_its_model_and_load_what_they_need(name: str, needed: set[str]) -> None:
+    assert loaded(f"dtwin.services.chain.{name}") & HEAVY == needed
+
+
 def test_the_package_loads_nothing_before_a_name_is_used() -> None:
     found = after("import dtwin; dtwin.DtwinError")
     assert {name for name in found if name.startswith("dtwin")} == {"dtwin", "dtwin.errors"}

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from dtwin.arm.chain import Arm, Array
 from dtwin.arm.poses import ranges
@@ -118,6 +117,8 @@ def joints_along(arm: Arm, goal: Goal, start: Array) -> Array:
 
 def _searched(arm: Arm, goal: Goal, start: Array) -> tuple[Array, float]:
     """The joint positions that a search ends at, and how far it still is, m."""
+    from scipy.optimize import least_squares  # loaded for a search alone: takes as long as all else of a service
+
     lower, upper = ranges(arm)
 
     def errors(q: Array) -> Array:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import Any, Final
 
 from dtwin.arm.sorting import read_sorting
@@ -46,6 +47,7 @@ _WIDTH, _HEIGHT = 2600.0, 2200.0
 VERSION: Final = Version("1.0", "dtwin", "2026-11-27", "dtwin", "First version")
 
 
+@cache
 def plant_of(name: str) -> str:
     """Name of the SERVER block at which the plant of a zone, station or vehicle is a client."""
     return f"{_upper(name)}{_PLANT}"

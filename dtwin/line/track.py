@@ -46,6 +46,9 @@ class Track:
     nodes: Mapping[str, Point]
     segments: tuple[Segment, ...]
     _next: dict[str, tuple[str, ...]] = field(init=False, repr=False, compare=False, default_factory=dict)
+    _numbers: dict[str, int] = field(init=False, repr=False, compare=False, default_factory=dict)
+    _names: list[str] = field(init=False, repr=False, compare=False, default_factory=list)
+    _lengths: dict[tuple[str, str], float] = field(init=False, repr=False, compare=False, default_factory=dict)
 
     def __post_init__(self) -> None:
         if not 2 <= len(self.nodes) <= MOST_NODES:
@@ -66,21 +69,27 @@ class Track:
         if len(set(self.segments)) < len(self.segments):
             twice = next(s for s in self.segments if self.segments.count(s) > 1)
             raise ParameterError(f"segment {twice}: expected it once")
+        self._names.extend(self.nodes)
+        self._numbers.update((name, number) for number, name in enumerate(self.nodes, 1))
+        for segment in self.segments:
+            between = math.dist(self.nodes[segment.start], self.nodes[segment.end])
+            self._lengths[segment.start, segment.end] = between
         for name in self.nodes:
             self._next[name] = tuple(s.end for s in self.segments if s.start == name)
         self._check_clearance()
 
     def number(self, node: str) -> int:
         """Number of a node as the blocks know it, from 1."""
-        return list(self.nodes).index(node) + 1
+        return self._numbers[node]
 
     def name(self, number: int) -> str:
         """Name of the node of a number."""
-        return list(self.nodes)[number - 1]
+        return self._names[number - 1]
 
     def length(self, start: str, end: str) -> float:
-        """Length of a segment, m."""
-        return math.dist(self.nodes[start], self.nodes[end])
+        """Length of a segment, m, or of the straight way between any two nodes."""
+        known = self._lengths.get((start, end))
+        return math.dist(self.nodes[start], self.nodes[end]) if known is None else known
 
     def next(self, node: str) -> tuple[str, ...]:
         """The nodes to which segments lead from a node."""

@@ -132,8 +132,7 @@ class Vehicle:
         if self.standing:
             self.speed = 0.0
             return
-        ends = list(zip(self.path, self.path[1:], strict=False))
-        left = sum(self._track.length(*pair) for pair in ends) - self._gone
+        left = sum(map(self._track.length, self.path, self.path[1:])) - self._gone
         step = self.plan.acceleration * period
         stopping = -step + math.sqrt(step * step + 2.0 * self.plan.acceleration * left)
         self.speed = min(self.speed + step, self.plan.speed, stopping)

@@ -9,8 +9,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from dtwin.arm.chain import Arm, Array, Commanded, servo_torque
@@ -152,6 +150,9 @@ class ChainRun:
         Raises:
             RecordingError: it cannot be written.
         """
+        import pyarrow as pa  # loaded for a log alone: services that make the same run of an arm write none
+        import pyarrow.parquet as pq
+
         arm = self.settings.arm
         columns: dict[str, Array] = {"t": self.t}
         for name, values in (("q", self.q), ("target", self.target), ("sent", self.command)):

@@ -9,16 +9,18 @@ from __future__ import annotations
 
 import csv
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from scipy.interpolate import BSpline, make_interp_spline
 
 from dtwin.arm.chain import Arm, Array
 from dtwin.arm.poses import MOST, Poses, ranges
 from dtwin.equations.kinematics import Goal, joints_along, joints_for, tool_of
 from dtwin.errors import ParameterError, UnreachableError, choices
 from dtwin.files import reason_of
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
 
 _POINT: Final = ("x", "y", "z")
 _LARGEST: Final = 16_000_000
@@ -108,6 +110,8 @@ def _knots(duration: float, period: float) -> Array:
 
 def _spline(knots: Array, values: Array) -> BSpline:
     """The curve of fifth order through points, at rest and without acceleration at both ends."""
+    from scipy.interpolate import make_interp_spline  # loaded for a path alone, which few arms follow
+
     still = [(1, np.zeros(values.shape[1])), (2, np.zeros(values.shape[1]))]
     return make_interp_spline(knots, values, k=_ORDER, bc_type=(still, still))
 

@@ -22,9 +22,6 @@ SETTLED_BAND: Final = 1e-3
 SETTLED_SPEED: Final = 0.01
 """Largest velocity of a settled joint, rad/s."""
 
-SAME_ANGLE: Final = 1e-12
-"""Largest difference of two readings of one angle, rad: a FORTE writes 15 digits of it."""
-
 
 class Figures(msgspec.Struct, frozen=True):
     """Performance figures of one motion.

@@ -14,7 +14,8 @@ from dtwin.controller.settings import ControlSettings
 from dtwin.errors import ParameterError, RecordingError
 from dtwin.logs.log import Log
 from dtwin.parameters import PERIOD, ArmParameters, Triple
-from dtwin.simulation.figures import SAME_ANGLE, Array, Figures, figures, fit
+from dtwin.simulation.figures import Array, Figures, figures, fit
+from dtwin.simulation.trial import SAME_ANGLE
 from dtwin.simulation.whatif import MotionCase, Outcome, Simulator
 from dtwin.twin.effects import NO_EFFECTS, Effects
 

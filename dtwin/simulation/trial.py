@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 from dtwin.parameters import PERIOD
-from dtwin.simulation.figures import SAME_ANGLE
 
 Values = tuple[float, ...]
 """A number for each joint."""
 TrialState = Literal["running", "passed", "failed"]
 
-
+SAME_ANGLE: Final = 1e-12
+"""Largest difference of two readings of one angle, rad: a FORTE writes 15 digits of it."""
 INTERIM: Final = 3.0
 """Factor of the bounds until the first motion that starts when the integrals fit the new settings.
 

@@ -67,9 +67,12 @@ class ArmDays:
 
 
 def shifts_of(arm: str, days: float, machines: int, seed: int) -> list[ArmShift]:
-    """The shifts: machines in turn, whose numbers begin with 5000 + seed, each time with another seed."""
-    count = max(1, round(days * _DAY / SHIFT))
-    return [ArmShift(arm, 5000 + seed + k % machines, seed + k, SHIFT) for k in range(count)]
+    """The shifts: machines in turn, whose numbers begin with 5000 + seed, each time with another seed.
+
+    Less time than a shift takes is one shift of that time.
+    """
+    count, length = max(1, round(days * _DAY / SHIFT)), min(SHIFT, days * _DAY)
+    return [ArmShift(arm, 5000 + seed + k % machines, seed + k, length) for k in range(count)]
 
 
 def arm_days(shifts: Sequence[ArmShift], workforce: Workforce, progress: Progress) -> ArmDays:

@@ -118,7 +118,7 @@ class FbDeploy:
             _deploy_all(system, planners)
             return 0
         chosen = _chosen(planners, self.device)
-        with ManagementClient(parse_stream_address(self.address)) as client:
+        with ManagementClient(parse_stream_address(self.address)).attended() as client:
             for plan in [suited(client, planner) for planner in chosen]:
                 if self.online:
                     lines = change(client, plan).lines()
@@ -141,7 +141,7 @@ def _deploy_all(system: model.System, planners: dict[str, list[Planner]]) -> Non
             raise ToolError(f"device {name} says no address: expected its parameter MGR_ID")
     with ExitStack() as open_clients:
         clients = {
-            name: open_clients.enter_context(ManagementClient(parse_stream_address(address)))
+            name: open_clients.enter_context(ManagementClient(parse_stream_address(address)).attended())
             for name, address in addresses.items()
         }
         plans = {name: [suited(client, plan) for plan in planners[name]] for name, client in clients.items()}

@@ -36,6 +36,10 @@ from iec61499.net.wire import Message
 _RESET: Final[tuple[RequestAction, ...]] = ("KILL", "RESET", "START")
 TIMEOUT: Final = 5.0
 """Longest time for a response, s."""
+ATTEMPT: Final = 2.0
+"""Longest time for the first response of a session, s; then another session is begun, as long as there is time."""
+PAUSE: Final = 0.02
+"""Time between two sessions, s: a device that is kept busy with new ones does not get on with what it has."""
 
 Step = tuple[str, RequestAction, Subject | None]
 """A resource, or "" for the device, what is asked of it, and for what."""
@@ -79,18 +83,32 @@ class ManagementClient:
         return self._client.lost
 
     def reconnect(self) -> None:
-        """Ends the session and begins another one; a FORTE refuses until it has noticed the end."""
+        """Ends the session and begins another one."""
         self._client.close()
+        self.attended()
+
+    def attended(self) -> ManagementClient:
+        """This client once the device has answered it, in this session or in one that is begun anew.
+
+        A FORTE has one client at a time, and ends the session of another one at once until it has noticed that the
+        last has gone. It may lose the first request of one that comes while the last one goes, since its threads
+        count what has come without a lock.
+        """
         deadline = time.monotonic() + self._timeout
         while True:
             try:
-                self._client = self._connected()
-                self._taken = None
+                if self._client.lost:
+                    self._client = self._connected()
+                    self._taken = None
+                self._client.timeout = min(ATTEMPT, self._timeout)
                 self.blocks("")
-                return
+                self._client.timeout = self._timeout
+                return self
             except CommunicationError:
                 if time.monotonic() > deadline:
+                    self._client.close()
                     raise
+                time.sleep(PAUSE)
 
     def _connected(self) -> BlockingClient:
         return BlockingClient(self.address, REQUESTS, RESPONSES, self._timeout)

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from iec61499.errors import CommunicationError
 from iec61499.library import Library
 from iec61499.management.client import ManagementClient
 from iec61499.net.address import parse_stream_address
@@ -50,12 +49,7 @@ class Session:
             CommunicationError: nobody answers at the address.
         """
         if self._client is None:
-            made = ManagementClient(parse_stream_address(self.runtime))
-            try:
-                made.blocks("")
-            except CommunicationError:  # a FORTE may not have noticed yet that the client before has gone
-                made.reconnect()
-            self._client = made
+            self._client = ManagementClient(parse_stream_address(self.runtime)).attended()
         elif self._client.lost:
             self._client.reconnect()
         return self._client

@@ -9,7 +9,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import jsonschema
 import pytest
 from mcp import Client
 
@@ -47,6 +46,8 @@ async def tools(client: Client) -> dict[str, Any]:
 
 @pytest.mark.parametrize("profile", PROFILES)
 def test_a_profile_has_its_tools_and_no_others(bus: Bus, tmp_path: Path, profile: Profile) -> None:
+    import jsonschema  # takes seconds to load, which only the worker of this file shall take
+
     with serving(bus, place(tmp_path, profile)) as served:
         found = talk(served, tools)
     assert found.keys() & PROPOSE == (set() if profile == "observe" else PROPOSE)

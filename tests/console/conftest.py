@@ -5,10 +5,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, BrowserContext, ConsoleMessage, Page, expect, sync_playwright
+from playwright.sync_api import Browser, ConsoleMessage, Error, Page, expect, sync_playwright
 
 from dtwin.services import runfile
 from tests.support.desk import Desk, new_desk
+from tests.support.pages.again import Pages
 from tests.support.pages.browsers import ARGUMENTS, find_chromium
 from tests.support.pages.hand import SLOW, Hand
 
@@ -60,28 +61,37 @@ def cell(
         desk.run("down")
 
 
+@pytest.fixture(scope="session")
+def pages(browser: Browser) -> Pages:
+    return Pages(browser)
+
+
 @pytest.fixture
-def open_page(browser: Browser) -> Iterator[Callable[..., Page]]:
+def open_page(pages: Pages) -> Iterator[Callable[..., Page]]:
     """open_page(address, display): a page in a browser of its own, which must not complain of anything."""
-    contexts: list[BrowserContext] = []
+    opened: list[tuple[Page, dict[str, Any]]] = []
     complaints: list[str] = []
 
     def note(message: ConsoleMessage) -> None:
         if message.type in ("error", "warning") and not any(word in message.text for word in AWAY):
             complaints.append(message.text)
 
+    def fail(error: Error) -> None:
+        complaints.append(str(error))
+
     def open_it(address: str, display: str = "overview", **options: Any) -> Page:
-        context = browser.new_context(viewport={"width": 1280, "height": 720}, **options)
-        contexts.append(context)
-        page = context.new_page()
-        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page = pages.take(options)
+        opened.append((page, options))
+        page.on("pageerror", fail)
         page.on("console", note)
         page.goto(f"{address}#{display}")
         return page
 
     yield open_it
-    for context in contexts:
-        context.close()
+    for page, options in opened:
+        page.remove_listener("pageerror", fail)
+        page.remove_listener("console", note)
+        pages.give_back(page, options)
     assert complaints == []
 
 

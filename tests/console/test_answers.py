@@ -16,6 +16,14 @@ def made_up(browser: Browser) -> Iterator[MadeUp]:
         yield MadeUp(context.new_page(), state(settings=settings(payload=0.15, target_time=2.5)))
 
 
+@pytest.fixture(scope="module")
+def nobody(browser: Browser) -> Iterator[MadeUp]:
+    """A cell of which nobody tells anything."""
+    empty = state(services={}, events=(), identification=None, verdict=None, settings=None, boxes=None)
+    with browser.new_context() as context:
+        yield MadeUp(context.new_page(), empty, entries=[])
+
+
 def test_to_acknowledge_and_to_learn_are_two_things(made_up: MadeUp) -> None:
     page = made_up.open("monitoring")
     page.get_by_role("button", name="Acknowledge the findings").click()
@@ -77,8 +85,5 @@ def test_answers_say_what_is_so_now() -> None:
         ("monitoring", "Nobody watches the arm."),
     ],
 )
-def test_what_is_empty_says_why(browser: Browser, display: str, why: str) -> None:
-    empty = state(services={}, events=(), identification=None, verdict=None, settings=None, boxes=None)
-    with browser.new_context() as context:
-        made_up = MadeUp(context.new_page(), empty, entries=[])
-        expect(made_up.open(display).locator("main")).to_contain_text(why)
+def test_what_is_empty_says_why(nobody: MadeUp, display: str, why: str) -> None:
+    expect(nobody.open(display).locator("main")).to_contain_text(why)

@@ -6,6 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from dtwin.arm.sorting import Sorting
 from dtwin.campaign.spread import Workforce
 from dtwin.emulation.chain.arms import arm_of
 from dtwin.run.chain import sorting_poses
@@ -26,14 +27,18 @@ from evidence.arm_sorting import (
 )
 
 ARM = arm_of("planar-2r")
-TASK = drawn_task(ARM, 3)
 GOOD = ArmAtWork(1, USUAL, 100, 99, 1, 99, 0, 1.0, 0.05, 0.0, 0)
 
 
-def test_the_tool_reaches_whatever_is_drawn() -> None:
+@pytest.fixture(scope="module")
+def task() -> Sorting:
+    return drawn_task(ARM, 3)
+
+
+def test_the_tool_reaches_whatever_is_drawn(task: Sorting) -> None:
     other = drawn_task(ARM, 4)
-    assert not np.allclose(other.pick, TASK.pick)
-    assert np.array_equal(drawn_task(ARM, 3).pick, TASK.pick)
+    assert not np.allclose(other.pick, task.pick)
+    assert np.array_equal(drawn_task(ARM, 3).pick, task.pick)
     assert len(sorting_poses(ARM, other).positions) == 9
     assert 0.0 < other.mass[0] < other.mass[1] < ARM.most_load
 
@@ -52,9 +57,9 @@ def test_every_motor_is_weak_once_and_strong_once() -> None:
     )
 
 
-def test_what_is_otherwise_is_so_in_the_plant_alone() -> None:
+def test_what_is_otherwise_is_so_in_the_plant_alone(task: Sorting) -> None:
     usual, late, stiff, weak = (
-        settings_of(ArmWork("planar-2r", TASK, 5, under, 1.0)) for under in (USUAL, LATE, STIFF, "K2*=0.8@0")
+        settings_of(ArmWork("planar-2r", task, 5, under, 1.0)) for under in (USUAL, LATE, STIFF, "K2*=0.8@0")
     )
     assert (usual.late, late.late, late.control.delay) == (0, 1, ARM.period)
     assert [str(fault) for fault in weak.faults] == ["K2*=0.8@0"]
@@ -66,9 +71,9 @@ def test_what_is_otherwise_is_so_in_the_plant_alone() -> None:
     assert stiff.machine.arm.joints[0].actuator == usual.machine.arm.joints[0].actuator
 
 
-def test_gears_yield_where_the_blocks_know_nothing_of_it() -> None:
+def test_gears_yield_where_the_blocks_know_nothing_of_it(task: Sorting) -> None:
     usual, elastic, worn = (
-        settings_of(ArmWork("planar-2r", TASK, 5, under, 1.0)) for under in (USUAL, ELASTIC, WORN)
+        settings_of(ArmWork("planar-2r", task, 5, under, 1.0)) for under in (USUAL, ELASTIC, WORN)
     )
     for number, drawn in enumerate(elastic.machine.arm.joints):
         gear, more = drawn.transmission, worn.machine.arm.joints[number].transmission
@@ -81,8 +86,8 @@ def test_gears_yield_where_the_blocks_know_nothing_of_it() -> None:
     assert (elastic.machine.arm.parameters == usual.machine.arm.parameters).all()
 
 
-def test_drawn_machines_deliver_boxes_whatever_is_otherwise() -> None:
-    items = [ArmWork("planar-2r", TASK, 5, under, 25.0) for under in (USUAL, LATE, STIFF, WORN, "K1*=0.8@0")]
+def test_drawn_machines_deliver_boxes_whatever_is_otherwise(task: Sorting) -> None:
+    items = [ArmWork("planar-2r", task, 5, under, 25.0) for under in (USUAL, LATE, STIFF, WORN, "K1*=0.8@0")]
     found = at_work(items, Workforce(1), lambda done, of: None)
     assert all(one.exact == one.delivered >= 2 for one in found)
     assert settled(found)

@@ -37,7 +37,7 @@ End = tuple[str, str]
 Crossings = list[tuple[End, End]]
 """Both ends of data connections between devices."""
 MOVED = {**LINE.assignment, "mark": "a1"}
-SECONDS = int(os.environ.get("LINE_SECONDS", "120"))
+SECONDS = int(os.environ.get("LINE_SECONDS", "80"))
 CROSSINGS = 40
 """Most connections between the devices."""
 

@@ -65,6 +65,7 @@ def test_what_is_learned_of_an_arm_is_what_is_begun_with(pushed: tuple[Stream, B
     assert np.diag(learned.covariance).max() < 0.01 * unsure.max()
 
 
+@pytest.mark.usefixtures("fewer_choices")
 def test_an_arm_that_the_model_explains_needs_no_torques(belief: Belief, run_cell: Callable[..., Log]) -> None:
     learned = calibrated(belief, stream(run_cell(120.0, 3)))
     assert max(learned.error.slow) < 0.005

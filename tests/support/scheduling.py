@@ -35,6 +35,15 @@ _WAITING: Final = (
     "tests/view/test_viewer.py",
 )
 """Beginnings of the names of the files whose tests wait for other processes."""
+_LONGEST: Final = (
+    "tests/test_arms_page.py",
+    "tests/services/test_tutorial.py",
+    "tests/services/test_other_arm.py",
+    "tests/console/test_tasks.py",
+    "tests/line/test_other_arms.py",
+    "tests/monitoring/test_calibration.py",
+)
+"""Files that take longest, which come first: the last one of all would keep one worker busy while others idle."""
 
 
 def give_way() -> None:
@@ -44,14 +53,16 @@ def give_way() -> None:
 
 
 class Scheduling(LoadFileScheduling):
-    """Files in the order of their names, those that wait first; workers that fill gaps get none of those."""
+    """Files in the order of their names, the longest first, those that wait first; workers that fill gaps get none of
+    those."""
 
     def _assign_work_unit(self, node: WorkerController) -> None:
         """Gives a worker its next file, or none any more."""
         waits = node.gateway.id in WAITERS
         kind = [scope for scope in self.workqueue if scope.startswith(_WAITING) == waits]
         if kind:
-            self.workqueue.move_to_end(kind[0], last=False)
+            chosen = next((scope for scope in kind if scope.startswith(_LONGEST)), kind[0])
+            self.workqueue.move_to_end(chosen, last=False)
         elif not waits:
             node.shutdown()
             return

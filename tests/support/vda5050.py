@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import json
+from functools import cache
 from typing import Any
-
-import jsonschema
 
 
 def _object(required: dict[str, Any], **optional: Any) -> dict[str, Any]:
@@ -142,12 +141,18 @@ SCHEMAS: dict[str, dict[str, Any]] = {
         }
     ),
 }
-_CHECKS = {topic: jsonschema.Draft202012Validator(schema) for topic, schema in SCHEMAS.items()}
+
+
+@cache
+def _check(topic: str) -> Any:
+    import jsonschema  # takes seconds to load, which only the workers that check shall take
+
+    return jsonschema.Draft202012Validator(SCHEMAS[topic])
 
 
 def checked(topic: str, payload: bytes) -> dict[str, Any]:
     """A message that has the form of the recommendation; fails the test if it has not."""
     message: dict[str, Any] = json.loads(payload)
-    wrong = [f"{topic}: {error.json_path}: {error.message}" for error in _CHECKS[topic].iter_errors(message)]
+    wrong = [f"{topic}: {error.json_path}: {error.message}" for error in _check(topic).iter_errors(message)]
     assert not wrong, wrong
     return message

@@ -13,7 +13,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm, schur
 
 from dtwin.arm.chain import Arm, Array, without_servos
 from dtwin.arm.poses import drawn_poses
@@ -111,6 +110,8 @@ def _check_masses(arm: Arm, masses: Array) -> None:
 
 def _plant(arm: Arm, q: Array, masses: Array, late: int) -> Loop:
     """From torques to positions, both (n,), held for a tick and late by whole ticks; states are q, q', what waits."""
+    from scipy.linalg import expm  # loaded for margins alone: who checks bounds before each tick needs none
+
     n = len(arm)
     viscous = _viscous(arm)
     _check_masses(arm, masses)
@@ -191,6 +192,8 @@ def _loops(
 
 def _response(a: Array, b: Array, c: Array, z: NDArray[np.complex128]) -> NDArray[np.complex128]:
     """C (z - A)^-1 B at every z, (N, p, m), with one Schur form of A for all (Laub 1981, there with Hessenberg's)."""
+    from scipy.linalg import schur
+
     triangle, turn = schur(a, output="complex", check_finite=False)
     right, left = turn.conj().T @ b, c @ turn
     states = np.zeros((len(right), right.shape[1], len(z)), dtype=np.complex128)

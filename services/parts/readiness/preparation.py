@@ -9,15 +9,16 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from contextlib import AbstractContextManager, nullcontext
+from typing import TYPE_CHECKING, Final
 
 from dtwin.services.parts.readiness.compiler_memory import release_compiler
 from dtwin.services.supervisor import AGAIN, PREPARED
-from dtwin.twin.compiled import compilations
 
 if TYPE_CHECKING:
     from dtwin.services.service import Service
 
+_COMPILED: Final = "dtwin.twin.compiled"
 Part = tuple[str, Callable[[], object]]
 """A part of the work: its name, and a function that does it once."""
 
@@ -48,7 +49,7 @@ def prepare(service: Service, parts: Sequence[Part]) -> None:
         compiled += 1
         tell()
 
-    with service.interruptible(), compilations(count):
+    with service.interruptible(), _compilations(count):
         for number, (name, act) in enumerate(parts, 1):
             now = f"prepares {name}, {number} of {len(parts)}"
             tell()
@@ -57,3 +58,12 @@ def prepare(service: Service, parts: Sequence[Part]) -> None:
         sys.exit(AGAIN)
     release_compiler()
     service.doing = ""
+
+
+def _compilations(tell: Callable[[str], object]) -> AbstractContextManager[None]:
+    """Tells what is compiled meanwhile: nothing by a service without kernels, for which Numba is not loaded."""
+    if _COMPILED not in sys.modules:
+        return nullcontext()
+    from dtwin.twin.compiled import compilations
+
+    return compilations(tell)
