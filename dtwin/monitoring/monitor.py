@@ -135,10 +135,6 @@ class Monitor:
             self._conclude(stretch.last, False)
         return stretch.done
 
-    def expect(self, mass: float) -> None:
-        """Takes the boxes that are gripped from now on to have a mass, kg, as somebody knows who has weighed them."""
-        self.estimator.box_mass = mass
-
     @property
     def calm(self) -> bool:
         """Whether nothing has begun of which more samples may make an alarm."""

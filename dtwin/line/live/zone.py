@@ -67,7 +67,7 @@ class LiveZone:
     """
 
     def __init__(self, line: Line, number: int, mode: Mode, bus: Bus, put: Callable[[Any], None]) -> None:
-        self._line, self._mode, self._bus = line, mode, bus
+        self._line, self._mode = line, mode
         zone = line.zones[number]
         nodes = {s.name: node_of(line, s) for s in zone.stations}
         self._twin = ZoneTwin(line, number, nodes)
@@ -78,7 +78,7 @@ class LiveZone:
         self._demanded: dict[str, PlantWord] = {}
         self._looked = 0.0
         self._alone = True
-        own = bus.beside(zone.name)
+        own = self._own = bus.beside(zone.name)
         self._tell = own.publisher(ZONE_STATE)
         self._arms = {station.name: _follower(bus.beside(station.name), station, put) for station in zone.stations}
         bus.subscribe(PLANT_STATE, PlantState, put)
@@ -162,7 +162,7 @@ class LiveZone:
         moved = ", ".join(f"{n} from {in_force[n]} to {at}" for n, at in flow.assignment.items() if in_force[n] != at)
         whole = {**in_force, **flow.assignment}
         try:
-            self._bus.ask(PLANT_SET_UP, PlantSetUp(self._plant.version, whole), PlantState)
+            self._own.ask(PLANT_SET_UP, PlantSetUp(self._plant.version, whole), PlantState)
         except CommunicationError as error:
             log.warning("%s: %s", because, error)
             return
@@ -192,7 +192,7 @@ class LiveZone:
 
     def _demand(self, word: PlantWord) -> None:
         try:
-            self._bus.ask(PLANT_WORD, word, PlantState)
+            self._own.ask(PLANT_WORD, word, PlantState)
         except CommunicationError as error:
             log.error("%s: %s is not heard: %s", word.station, word.word, error)
 

@@ -271,7 +271,7 @@ class NodeTwin:
         for row, mass in self._weighed:
             begin = min(max(row - first, 0), len(seen))
             seen.feed(monitor, done, begin)
-            monitor.expect(mass)
+            monitor.estimator.box_mass = mass
             done = begin
         seen.feed(monitor, done, len(seen))
 
