@@ -271,9 +271,11 @@ class Control:
     def _send_assignment(self, zone: ZonePlan, assignment: Assignment) -> bool:
         """Tells a zone; whether it takes it."""
         names = [station.name for station in zone.stations]
-        stations = [assignment[operation.name] for operation in self._line.operations]
-        numbers = [zone.station(name) if name in names else 0 for name in stations]
-        numbers += [0] * (MOST_OPERATIONS - len(numbers))
+        digits = dict.fromkeys((operation.name for operation in self._line.operations), 0)
+        for job in self._line.jobs:
+            station = assignment[job.name]
+            digits[job.operation] += 10**job.kind * (zone.station(station) if station in names else 0)
+        numbers = [*digits.values(), *[0] * (MOST_OPERATIONS - len(digits))]
         answer = self._ask(setup_of(zone.name), numbers)
         if answer is None:
             return False

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Final, TypeVar
 import msgspec
 
 from dtwin.errors import DtwinError, ModelError, ParameterError, choices
-from dtwin.line.line import Buffer, Line, Operation, Source, StationPlan, VehiclePlan, ZonePlan
+from dtwin.line.line import BoxClass, Buffer, Line, Operation, Source, StationPlan, VehiclePlan, ZonePlan
 from dtwin.line.stations import checked_places
 from dtwin.line.track import Point, Segment, Track
 from dtwin.parameters import ROOT
@@ -36,7 +36,9 @@ class _Operation(msgspec.Struct, forbid_unknown_fields=True):
 class _Source(msgspec.Struct, forbid_unknown_fields=True):
     node: str
     every: Positive
-    mass: tuple[Positive, Positive] = (0.190, 0.210)
+    mass: tuple[Positive, Positive] | None = None
+    masses: Annotated[list[Positive], msgspec.Meta(max_length=1000)] = []
+    classes: dict[str, Positive] = {}
 
 
 class _Sink(msgspec.Struct, forbid_unknown_fields=True):
@@ -152,7 +154,7 @@ def _line(path: Path, found: _File) -> Line:
         path.stem,
         tuple(Operation(name, operation.place) for name, operation in found.operations.items()),
         tuple(_zone(name, zone, path.parent) for name, zone in found.zones.items()),
-        Source(found.source.node, found.source.every, *sorted(found.source.mass)),
+        _source(found.source),
         tuple(Buffer(buffer.exit, buffer.entry, buffer.capacity) for buffer in found.buffers),
         found.sink.node,
         found.assignment,
@@ -161,6 +163,17 @@ def _line(path: Path, found: _File) -> Line:
     for station in line.stations:
         check_station(line, station)
     return line
+
+
+def _source(found: _Source) -> Source:
+    """The source, whose boxes have listed masses, or ones between two."""
+    if found.masses and found.mass is not None:
+        raise ParameterError("source.masses: expected these or mass, not both")
+    lightest, heaviest = sorted(found.mass or (0.190, 0.210))
+    if found.masses:
+        lightest, heaviest = min(found.masses), max(found.masses)
+    classes = sorted((BoxClass(*each) for each in found.classes.items()), key=lambda each: -each.heaviest)
+    return Source(found.node, found.every, lightest, heaviest, tuple(found.masses), tuple(classes))
 
 
 def check_station(line: Line, station: StationPlan) -> None:

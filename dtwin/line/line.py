@@ -16,11 +16,13 @@ MOST_VEHICLES: Final = 4
 """Number of vehicles of a zone that the block ORDER_DISPATCH can be given."""
 MOST_OPERATIONS: Final = 8
 """Number of operations that the blocks can be given."""
+MOST_CLASSES: Final = 3
+"""Number of classes of mass that the blocks can tell apart."""
 MOST_ZONES: Final = 32
 CYCLE: Final = 0.1
 """Time from one sample of the line to the next, s."""
 FINISHED: Final = 99
-"""Number that stands in the tag of a box in place of its next operation when there is none."""
+"""Number that stands in the tag of a box in place of its class and its next operation when there is none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +39,47 @@ class Operation:
 
 
 @dataclass(frozen=True, slots=True)
+class BoxClass:
+    """Boxes up to a mass, which an order's data tell, as they tell the recipe.
+
+    Attributes:
+        name: its name, "" where all boxes are of one class.
+        heaviest: their largest mass, kg.
+    """
+
+    name: str
+    heaviest: float
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """An operation with the boxes of a class.
+
+    Attributes:
+        name: name of the operation, with that of the class behind a point where there are several.
+        operation: name of the operation.
+        place: the place of the cell to which the arm brings the box.
+        kind: number of the class, from 0 for the heaviest one.
+        mass: largest mass of its boxes, kg.
+    """
+
+    name: str
+    operation: str
+    place: str
+    kind: int
+    mass: float
+
+    @property
+    def load(self) -> Load:
+        """What an arm must be able to hold, and where."""
+        return self.place, self.mass
+
+
+Load = tuple[str, float]
+"""A place of a cell, and the mass of a box there, kg."""
+
+
+@dataclass(frozen=True, slots=True)
 class Source:
     """Where boxes come in.
 
@@ -44,12 +87,35 @@ class Source:
         node: dock of the first zone.
         every: time from one box to the next, s; one that finds the source occupied waits outside.
         lightest, heaviest: masses of boxes are uniform between these, kg.
+        masses: masses that boxes have in turn in place of these, kg; empty if they are drawn.
+        classes: classes of mass, the heaviest first; empty if nobody tells boxes apart.
+
+    Raises:
+        ParameterError: there are too many classes, or boxes that none holds.
     """
 
     node: str
     every: float
     lightest: float = 0.190
     heaviest: float = 0.210
+    masses: tuple[float, ...] = ()
+    classes: tuple[BoxClass, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.classes:
+            return
+        _check_count("source.classes", len(self.classes), 2, MOST_CLASSES)
+        for each in self.classes:
+            check_name(each.name, "source.classes")
+        if self.classes[0].heaviest < self.heaviest:
+            raise ParameterError(
+                f"source.classes.{self.classes[0].name}: expected {self.heaviest:g} kg at least, the heaviest box,"
+                f" got {self.classes[0].heaviest:g}"
+            )
+
+    def kind(self, mass: float) -> int:
+        """Number of the class of a box of a mass, kg: the lightest one that holds it."""
+        return max((k for k, each in enumerate(self.classes) if mass <= each.heaviest), default=0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,7 +207,7 @@ class ZonePlan:
 
 
 Assignment = Mapping[str, str]
-"""The station that does each operation, by the operation's name."""
+"""The station that does each job, by the job's name, which is its operation's where all boxes are of one class."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,7 +221,7 @@ class Line:
         source: where boxes come in.
         buffers: between each zone and the next.
         sink: dock of the last zone where finished boxes leave.
-        assignment: which station does what as long as nothing is changed.
+        assignment: which station does what as long as nothing is changed; an operation stands for all its jobs.
         seed: number of the random generator of the boxes.
 
     Raises:
@@ -193,7 +259,29 @@ class Line:
             if len(set(docks)) < len(docks):
                 raise ParameterError(f"zones.{zone.name}: expected a dock of its own for each end, station and home")
             zone.track.check_ways(f"zones.{zone.name}", docks, [v.home for v in zone.vehicles])
+        object.__setattr__(self, "assignment", self.whole(self.assignment))
         self.check_assignment(self.assignment)
+
+    @property
+    def classes(self) -> tuple[BoxClass, ...]:
+        """The classes of mass of its boxes, the heaviest first."""
+        return self.source.classes or (BoxClass("", self.source.heaviest),)
+
+    @property
+    def jobs(self) -> tuple[Job, ...]:
+        """All operations with all classes of boxes, operation by operation."""
+        return tuple(
+            Job(f"{each.name}.{kind.name}" if kind.name else each.name, each.name, each.place, number, kind.heaviest)
+            for each in self.operations
+            for number, kind in enumerate(self.classes)
+        )
+
+    def whole(self, assignment: Assignment) -> Assignment:
+        """An assignment in which operations that stand for all their jobs are replaced by these."""
+        jobs = {job.name: assignment.get(job.name, assignment.get(job.operation, "")) for job in self.jobs}
+        known = {*jobs, *(operation.name for operation in self.operations)}
+        others = {name: station for name, station in assignment.items() if name not in known}
+        return {name: station for name, station in jobs.items() if station} | others
 
     def entry(self, zone: int) -> str:
         """Dock at which boxes come into the zone of a number, from 0."""
@@ -216,28 +304,32 @@ class Line:
         """Names of the stations that can do an operation."""
         return tuple(station.name for station in self.stations if operation in station.operations)
 
-    def places(self, assignment: Assignment, station: str) -> frozenset[str]:
-        """The places of its cell to which a station brings boxes with an assignment."""
-        return frozenset(each.place for each in self.operations if assignment[each.name] == station)
+    def loads(self, assignment: Assignment, station: str) -> frozenset[Load]:
+        """What a station brings to which places of its cell with an assignment."""
+        return frozenset(job.load for job in self.jobs if assignment[job.name] == station)
 
     def check_assignment(self, assignment: Assignment) -> None:
-        """Checks that every operation is done by a station that can do it, and that no box has to go back a zone.
+        """Checks that every job is done by a station that can do it, and that no box has to go back a zone.
+
+        Stations that do an operation with boxes of several classes are in one zone.
 
         Raises:
             ParameterError: it is not so.
         """
-        names = [operation.name for operation in self.operations]
+        names = [job.name for job in self.jobs]
         if set(assignment) != set(names):
             raise ParameterError(f"assignment: expected a station for each of {', '.join(names)}, got {assignment}")
-        zone = 0
-        for name in names:
-            station = assignment[name]
-            if station not in self.able(name):
-                able = choices(self.able(name)) if self.able(name) else "a station that can do it: there is none"
-                raise ParameterError(f"assignment.{name}: expected {able}, got {station!r}")
+        zone, before = 0, ""
+        for job in self.jobs:
+            name, station, able = job.name, assignment[job.name], self.able(job.operation)
+            if station not in able:
+                expected = choices(able) if able else "a station that can do it: there is none"
+                raise ParameterError(f"assignment.{name}: expected {expected}, got {station!r}")
             if self.zone_of(station) < zone:
                 raise ParameterError(f"assignment.{name}: {station} is in a zone that boxes have left by then")
-            zone = self.zone_of(station)
+            if job.operation == before and self.zone_of(station) > zone:
+                raise ParameterError(f"assignment.{name}: expected a station of one zone for all of {before}")
+            zone, before = self.zone_of(station), job.operation
 
     def _docks(self, zone: int) -> list[tuple[str, str]]:
         plan = self.zones[zone]

@@ -1,6 +1,7 @@
 """The plant of a line: boxes in slots, stations, vehicles and what they do to one another.
 
-A slot holds one box and reads its tag: 100 times the number of the box, and the number of its next operation. The
+A slot holds one box and reads its tag: 100 times the number of the box, 10 times that of its class of mass, and the
+number of its next operation. The
 slots of a zone are numbered as the block ORDER_DISPATCH does: 1 is where boxes come in, 2 where they leave, 2 s + 1
 and 2 s + 2 are those of boxes that wait at station s, and that it has finished.
 """
@@ -16,7 +17,7 @@ from typing import Final
 import numpy as np
 
 from dtwin.errors import DtwinError
-from dtwin.line.line import CYCLE, FINISHED, Line, VehiclePlan, ZonePlan
+from dtwin.line.line import CYCLE, FINISHED, Line, Load, VehiclePlan, ZonePlan
 from dtwin.line.station import FREE, HOLDING, OFFERED, Report, Station
 from dtwin.line.track import DIAMETER
 from dtwin.line.vehicle import LOAD, Vehicle
@@ -158,8 +159,11 @@ class Plant:
         """Tag of a box, 0 for none, as it is after `more` operations."""
         if not number:
             return 0
-        done = self.boxes[number].done + more
-        return 100 * number + (done + 1 if done < len(self.line.operations) else FINISHED)
+        box = self.boxes[number]
+        done = box.done + more
+        if done >= len(self.line.operations):
+            return 100 * number + FINISHED
+        return 100 * number + 10 * self.line.source.kind(box.mass) + done + 1
 
     def entry_tag(self, zone: int) -> int:
         """Tag of the box that comes next into a zone."""
@@ -185,6 +189,18 @@ class Plant:
             colour = self.line.operations[box.done].place
             state.station.give("bring", box.mass, colour)
             state.report = Report(OFFERED, state.report.stop, ())
+
+    def load(self, name: str) -> Load | None:
+        """Where the arm of a station shall bring its box, or the one that it is offered, and how heavy it is, kg.
+
+        None while it is free, and where nobody tells boxes apart by their masses.
+        """
+        state = self.stations[name]
+        number = state.worked or state.waits
+        if state.report.arm == FREE or not number or not self.line.source.classes:
+            return None
+        box = self.boxes[number]
+        return self.line.operations[box.done].place, box.mass
 
     def in_line(self) -> int:
         """Number of boxes in the line now, wherever they are."""
@@ -284,6 +300,8 @@ class Plant:
         if self.outside and not self.source:
             source = self.line.source
             mass = source.lightest + (source.heaviest - source.lightest) * float(self._generator.random())
+            if source.masses:
+                mass = source.masses[len(self.boxes) % len(source.masses)]
             self.source = len(self.boxes) + 1
             self.boxes[self.source] = LineBox(self.source, mass)
             self.outside -= 1

@@ -96,7 +96,8 @@ class LineRun:
         hands = Hands(
             lambda name, state, why: self.emulated[name].give(state),
             lambda name, other, why: self.emulated[name].give("settings", text=settings_text(other)),
-            lambda name: line.places(self.work.assignment, name),
+            lambda name: line.loads(self.work.assignment, name),
+            self.plant.load,
             self._note,
         )
         self._guard = Guard(nodes, settings.twins, hands)

@@ -1,21 +1,25 @@
 """The best that a line with a failed arm could have had: every way to share the work out, each simulated.
 
-An arm that works on may have any target time, and a model of what it has become: of these the fastest with which it
-brings boxes where a way wants them. The emulation's truth is used here, to score alone.
+An arm that works on may have any target time, a model of what it has become, and only lighter boxes where these are
+told apart: of target times the fastest with which it brings boxes where a way wants them. The emulation's truth is
+used here, to score alone.
 """
 
 from __future__ import annotations
 
 import itertools
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
+import numpy as np
+
 from dtwin.emulation.faults import parse_fault, schedule
 from dtwin.errors import DtwinError
-from dtwin.line.line import Assignment, Line, StationPlan
+from dtwin.line.line import Assignment, Line, Load, StationPlan
 from dtwin.line.station import EmulatedStation, WorkTimes, cell_settings
 from dtwin.line.twins.overall import predicted
-from dtwin.line.twins.rehearsal import first_round, rehearsed, times_of
+from dtwin.line.twins.rehearsal import Round, first_round, rehearsed, times_of
 
 SLOWER: Final = (1.0, 1.05, 1.1, 1.2, 1.3, 1.4, 1.5, 1.75, 2.0, 2.5, 3.0)
 """Factors on the target time that are tried."""
@@ -26,8 +30,16 @@ def work_times(line: Line) -> dict[str, WorkTimes]:
     return {station.name: rehearsed(station) for station in line.stations}
 
 
+_EDGES: Final = 1.05
+"""Factor by which the rate of a simulation may be above what the busiest arm can do, as it begins with full slots."""
+_SPREAD: Final = 100
+"""Number of masses that stand for drawn ones."""
+
+
 def best_rate(line: Line, station: str, horizon: float, fault: str = "") -> float:
     """Boxes an hour of the best of all ways to share the work out after an arm has failed.
+
+    Ways whose busiest arm alone would let fewer boxes through than another way are not simulated.
 
     Args:
         line: the line.
@@ -39,42 +51,93 @@ def best_rate(line: Line, station: str, horizon: float, fault: str = "") -> floa
     ways = [(each, usual) for each in possible(line, station)]
     if fault:
         plan = next(each for each in line.stations if each.name == station)
-        choices = slowed(plan, fault, (line.source.lightest + line.source.heaviest) / 2.0)
-        for each in possible(line, ""):
-            needed = line.places(each, station)
-            able = next((times for times in choices if needed <= set(times.carry)), None)
+        choices = slowed(plan, fault, usual_loads(line, plan))
+        for each in possible(line, "", station):
+            needed = line.loads(each, station)
+            able = next((rounds for rounds in choices if needed <= set(rounds)), None)
             if needed and able is not None:
-                ways.append((each, {**usual, station: able}))
-    return max((predicted(line, times, each, horizon) for each, times in ways), default=0.0)
+                times = times_of({place: able[place, mass] for place, mass in sorted(needed)})
+                assert times is not None
+                ways.append((each, {**usual, station: times}))
+    best = 0.0
+    for bound, each, taken in sorted(((busiest(line, t, e), e, t) for e, t in ways), key=lambda way: -way[0]):
+        if _EDGES * bound < best:
+            break
+        best = max(best, predicted(line, taken, each, horizon))
+    return best
 
 
-def slowed(plan: StationPlan, fault: str, mass: float) -> list[WorkTimes]:
-    """How long the arm of a station with a fault takes to the places that it reaches, from the fastest settings on.
+def busiest(line: Line, times: Mapping[str, WorkTimes], assignment: Assignment) -> float:
+    """Boxes an hour that the busiest arm of an assignment can do, if boxes never keep it waiting."""
+    shares = np.bincount([line.source.kind(mass) for mass in _masses(line)], minlength=len(line.classes))
+    shares = shares / shares.sum()
+    busy = dict.fromkeys(times, 0.0)
+    for job in line.jobs:
+        at = times[assignment[job.name]]
+        busy[assignment[job.name]] += shares[job.kind] * (at.grip + at.carry[job.place] + at.back[job.place])
+    return 3600.0 / max(busy.values())
+
+
+def usual_loads(line: Line, plan: StationPlan) -> dict[Load, float]:
+    """The mean mass of the boxes of each class that a station may bring to each place of its cell, kg."""
+    masses = _masses(line)
+    found = {}
+    for job in line.jobs:
+        own = [mass for mass in masses if line.source.kind(mass) == job.kind]
+        if job.operation in plan.operations and own:
+            found[job.load] = sum(own) / len(own)
+    return found
+
+
+def _masses(line: Line) -> Sequence[float]:
+    """The masses of boxes, as they are listed, or evenly spread, kg."""
+    source = line.source
+    return source.masses or np.linspace(source.lightest, source.heaviest, _SPREAD).tolist()
+
+
+def slowed(plan: StationPlan, fault: str, loads: Mapping[Load, float]) -> list[dict[Load, Round]]:
+    """How long an arm with a fault takes with the loads that it can bring, from the fastest settings on.
 
     Args:
         plan: the station.
         fault: what has happened to its arm, without its time.
-        mass: mass of a box, kg.
+        loads: the mass of a usual box for each load, kg.
     """
     cell = cell_settings(replace(plan, faults=(*plan.faults, f"{fault}@0")))
     model = schedule(cell.control.model, [parse_fault(f"{fault}@0")])[0].condition.parameters
     found = []
     for slower in SLOWER:
         control = replace(cell.control, target_time=slower * cell.control.target_time, model=model)
-        stations = {place: EmulatedStation(plan, replace(cell, control=control)) for place in cell.task.colours}
-        times = times_of({place: first_round(station, place, mass) for place, station in stations.items()})
-        if times is not None:
-            found.append(times)
+        rounds = {}
+        for load, mass in loads.items():
+            done = first_round(EmulatedStation(plan, replace(cell, control=control)), load[0], mass)
+            if done is not None:
+                rounds[load] = done
+        if rounds:
+            found.append(rounds)
     return found
 
 
-def possible(line: Line, without: str) -> list[Assignment]:
-    """All assignments that leave a station out ("" for none)."""
-    names = [operation.name for operation in line.operations]
-    able = [[station for station in line.able(name) if station != without] for name in names]
+def possible(line: Line, without: str, weak: str = "") -> list[Assignment]:
+    """All assignments that leave a station out.
+
+    Args:
+        line: the line.
+        without: the station, "" for none.
+        weak: a station that may have the lighter boxes of an operation alone, "" for none.
+    """
+    ways = []
+    for operation in line.operations:
+        jobs = [job.name for job in line.jobs if job.operation == operation.name]
+        able = [station for station in line.able(operation.name) if station != without]
+        parts = [dict.fromkeys(jobs, station) for station in able]
+        for first in range(1, len(jobs)) if weak in able else ():
+            light = dict.fromkeys(jobs[first:], weak)
+            parts += [dict.fromkeys(jobs[:first], station) | light for station in able if station != weak]
+        ways.append(parts)
     found: list[Assignment] = []
-    for stations in itertools.product(*able):
-        assignment = dict(zip(names, stations, strict=True))
+    for chosen in itertools.product(*ways):
+        assignment = {name: station for part in chosen for name, station in part.items()}
         try:
             line.check_assignment(assignment)
         except DtwinError:

@@ -23,7 +23,7 @@ from evidence.line.best import best_rate, work_times
 from evidence.line.otherwise import USUAL, Otherwise
 from evidence.report import Report, page, table
 
-Causes = Literal["stopping", "slowing"]
+Causes = Literal["stopping", "slowing", "weakening"]
 CAUSES: Final[dict[Causes, tuple[str, ...]]] = {
     "stopping": ("K1*=0.1", "K2*=0.1", "K3*=0.1", "lock2", "cut1", "freeze3"),
     "slowing": (
@@ -38,8 +38,10 @@ CAUSES: Final[dict[Causes, tuple[str, ...]]] = {
         "D1*=5",
         "D2*=5",
     ),
+    "weakening": ("K1*=0.4", "K1*=0.35", "K2*=0.5", "K2*=0.45", "K3*=0.4", "K3*=0.35"),
 }
-"""Causes that stop an arm, and ones with which it may work on, in the notation of faults without their times."""
+"""Causes that stop an arm, ones with which it may work on, and ones with which it can hold lighter boxes alone, in
+the notation of faults without their times."""
 EARLIEST: Final = 80.0
 """Time before which no arm fails, s: the line has filled by then."""
 SPAN: Final = 60.0
@@ -176,7 +178,7 @@ def tried(trial: LineTrial) -> LineOutcome:
     run.run(look=look)
     answers = [d for d in run.course.decisions if d.what in ("settings", "set-up") and trial.station]
     left = [time for _, time in run.plant.left]
-    able = trial.fault if trial.fault in CAUSES["slowing"] else ""
+    able = trial.fault if trial.fault not in CAUSES["stopping"] else ""
     return LineOutcome(
         trial,
         run.rate(since),
@@ -329,9 +331,12 @@ class ExperimentLine(SeriesCommand[list[LineOutcome]]):
     duration: float = 600.0
     """Plant time of each run, s."""
     causes: Causes = "stopping"
-    """What happens to arms: stopping, after which they can do nothing, or slowing, after which they may work on."""
+    """What happens to arms: stopping, after which they can do nothing, slowing, after which they may work on, or
+    weakening, after which they may work on with lighter boxes (--light)."""
     every: float = 0.0
     """Time from one box that comes to the next, s; 0 for that of the line."""
+    light: float = 0.0
+    """Mass of every second box, which is told apart from the others, kg; 0 for boxes as the line has them."""
     other: tuple[str, ...] = ()
     """STATION=CELL: a station with the cell of a file (*.toml), such as a2=lines/cells/planar-2r.toml; repeatable.
     Faults befall the others."""
@@ -346,6 +351,7 @@ class ExperimentLine(SeriesCommand[list[LineOutcome]]):
         if not self.duration >= _SHORTEST:
             raise ParameterError(f"--duration: expected {_SHORTEST:g} s at least, got {self.duration:g}")
         at_least("--every", self.every, 0.0)
+        at_least("--light", self.light, 0.0)
         drawn = trials(
             *(self.line, self.faults, self.healthy, self.duration, self.seed),
             *((True, False) if self.without else (True,), self.causes, self._whats()),
@@ -357,7 +363,7 @@ class ExperimentLine(SeriesCommand[list[LineOutcome]]):
         if not all(cell for _, _, cell in pairs):
             raise ParameterError(f"--other: expected STATION=CELL, such as a2=cell.toml, got {list(self.other)}")
         cells = tuple((name, str(Path(cell).resolve())) for name, _, cell in pairs)
-        whats = [Otherwise(self.every, cells, machine) for machine in self.machine or ("",)]
+        whats = [Otherwise(self.every, cells, machine, self.light) for machine in self.machine or ("",)]
         for what in whats:
             what.applied(line_of(self.line))
         return whats

@@ -7,7 +7,7 @@ from typing import Final
 
 from dtwin.errors import ParameterError, choices
 from dtwin.line.file import check_station
-from dtwin.line.line import Line, ZonePlan
+from dtwin.line.line import BoxClass, Line, ZonePlan
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,11 +18,13 @@ class Otherwise:
         every: time from one box that comes to the next, s; 0 for that of the line.
         cells: cells of some stations, by the names of the stations.
         machine: the machine that the arms of these cells are; "" for what the cells say.
+        light: mass of every second box, which is told apart from the heaviest ones between, kg; 0 for the line's.
     """
 
     every: float = 0.0
     cells: tuple[tuple[str, str], ...] = ()
     machine: str = ""
+    light: float = 0.0
 
     def applied(self, line: Line) -> Line:
         """A line with that.
@@ -34,7 +36,12 @@ class Otherwise:
             if name not in [station.name for station in line.stations]:
                 raise ParameterError(f"--other: expected {choices([s.name for s in line.stations])}, got {name!r}")
             line = replace(line, zones=tuple(self._with_cell(line, zone, name, cell) for zone in line.zones))
-        return replace(line, source=replace(line.source, every=self.every)) if self.every else line
+        source = replace(line.source, every=self.every or line.source.every)
+        if self.light:
+            heaviest = source.heaviest
+            classes = (BoxClass("heavy", heaviest), BoxClass("light", self.light))
+            source = replace(source, lightest=self.light, masses=(self.light, heaviest), classes=classes)
+        return replace(line, source=source)
 
     def _with_cell(self, line: Line, zone: ZonePlan, name: str, cell: str) -> ZonePlan:
         stations = []

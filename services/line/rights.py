@@ -44,15 +44,13 @@ from dtwin.services.runfile import LINE, OPERATOR
 
 SECURED: Final = ROOT / "config" / "secured"
 """Configuration of a secured cell, whose router and clients those of a line are like."""
-_ZONES: Final = "zones"
-"""Stands for the twins of all zones in the table."""
 _AIS: Final = ("ai-observe", "ai-propose", "ai-act")
 _PEOPLE: Final = (CONSOLE, OPERATOR)
 Action = Literal["publish", "announce", "answer", "ask"]
 AT_LINE: Final[Mapping[str, tuple[str, tuple[str, ...]]]] = {
     of_line.PLANT_STATE.name: (PLANT, ()),
-    of_line.PLANT_SET_UP.name: (PLANT, (OVERALL, _ZONES)),
-    of_line.PLANT_WORD.name: (PLANT, (OVERALL, _ZONES, CONSOLE)),
+    of_line.PLANT_SET_UP.name: (PLANT, (OVERALL,)),
+    of_line.PLANT_WORD.name: (PLANT, (OVERALL, CONSOLE)),
     of_line.LINE_STATE.name: (OVERALL, (*_PEOPLE, *_AIS)),
     of_line.LINE_PREDICT.name: (OVERALL, (*_PEOPLE, *_AIS)),
     of_line.LINE_LOOK.name: (OVERALL, (*_PEOPLE, *_AIS)),
@@ -108,13 +106,15 @@ def rights(line: Line, name: str) -> Iterator[Right]:
         yield Right(role, "publish", f"{own}/{EVENTS.name}")
     for topic, (giver, askers) in AT_LINE.items():
         yield Right(giver, "publish" if topic == of_line.PLANT_STATE.name else "answer", f"{own}/{topic}")
-        for asker in askers:
-            yield from (Right(role, "ask", f"{own}/{topic}") for role in (zones if asker == _ZONES else (asker,)))
+        yield from (Right(role, "ask", f"{own}/{topic}") for role in askers)
     for zone in line.zones:
         key = f"dtwin/{name}/{zone.name}"
         yield Right(service_of(zone.name), "publish", f"{key}/{of_line.ZONE_STATE.name}")
         yield Right(service_of(zone.name), "answer", f"{key}/{of_line.ZONE_FLOW.name}")
         yield Right(OVERALL, "ask", f"{key}/{of_line.ZONE_FLOW.name}")
+        for topic in (of_line.PLANT_SET_UP.name, of_line.PLANT_WORD.name):
+            yield Right(PLANT, "answer", f"{key}/{topic}")
+            yield Right(service_of(zone.name), "ask", f"{key}/{topic}")
     for station in line.stations:
         key = f"dtwin/{name}/{station.name}"
         yield from (Right(PLANT, "publish", f"{key}/{topic.name}") for topic in _ARM)

@@ -10,8 +10,12 @@ import msgspec
 import pytest
 
 from dtwin.bus.line.messages import SetUpRequest, StationWord, ZoneDeskRequest
-from dtwin.bus.line.plant import PlantWord
+from dtwin.bus.line.plant import PlantState, PlantWord, StationReading
+from dtwin.bus.line.topics import PLANT_STATE
+from dtwin.bus.opening import open_peer
+from dtwin.bus.session import Bus
 from dtwin.console.line.conditions import conditions
+from dtwin.console.line.faces import LineFace
 from dtwin.console.people.desk import TIME_OUT, ZoneDeskBook
 from dtwin.console.people.users import Users
 from dtwin.console.telling import Health
@@ -263,3 +267,53 @@ def test_what_is_abnormal_is_told(changed: dict[str, int], words: str) -> None:
 def test_a_process_of_the_line_that_has_died_is_told() -> None:
     (found,) = conditions(state_now(), {"zone-a": Health("dead", "killed by signal 9")}, "", 0)
     assert (found.text, found.severe) == ("zone-a is dead: killed by signal 9", True)
+
+
+@pytest.mark.parametrize("killed", [True, False])
+def test_while_the_twin_of_the_line_is_dead_or_frozen_the_plant_is_shown(tmp_path: Path, killed: bool) -> None:
+    with serve_line(tmp_path) as served:
+        served.until_told()
+        line, hub = served.line, served.console.hub
+        known = line.state
+
+        def told() -> LineFace:
+            face = hub.state().line
+            assert face is not None
+            return face
+
+        if killed:
+            line.bus.close()
+            until(lambda: not hub._is_there(), "the twin has gone")
+        else:
+            hub.close()
+        served.clock.ahead += 2.5
+        assert told().lost
+        readings = tuple(
+            StationReading(each.name, 0, int(each.name == "a2"), "it smokes" if each.name == "a2" else "")
+            for each in known.stations
+        )
+        seen = PlantState(640.0, 3, known.set_up, 30, 5, 25, 0, 0, 150.0, readings, known.vehicles, zones=known.zones)
+        with Bus(open_peer(line.meet), "line", "line") as plant:
+            tell = plant.publisher(PLANT_STATE)
+
+            def shown() -> bool:
+                tell(seen)
+                now = told().state
+                return now is not None and now.time == 640.0
+
+            until(shown, "what the plant tells is shown")
+            face = told()
+            assert face.state is not None
+            assert (face.state.left, face.state.version) == (25, 3)
+            a1, a2 = face.state.stations[:2]
+            assert (a1.doing, a1.ability, a2.doing, a2.why) == ("waits", "all", "stopped", "it smokes")
+            assert "silent since 600.0 s" in face.lost
+            assert hub.frame().time == 640.0
+            assert [(each.key, each.severe) for each in hub.state().conditions] == [
+                ("twin", True),
+                ("station a2", True),
+            ]
+            assert command(served.visitor(), "setup", based_on=0, set_up={"mark": "a1"})[0] == 409
+        served.clock.ahead += 2.5
+        assert "silent since" not in told().lost, "the plant is silent, too"
+        assert "stale" in {each.key for each in hub.state().conditions}

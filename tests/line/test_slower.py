@@ -63,7 +63,7 @@ def test_a_size_counts_relative_to_a_motors_constant_and_as_it_is_for_friction()
 
 
 def test_no_settings_are_tried_beyond_their_bounds() -> None:
-    assert rehearsed_anew(PLAN, HEALTHY.with_values({"D1": 50.0}), ("red",), 0.21) is None
+    assert rehearsed_anew(PLAN, HEALTHY.with_values({"D1": 50.0}), (("red", 0.21),)) is None
 
 
 def test_the_twin_of_a_zone_reckons_with_an_arm_that_is_slower() -> None:
@@ -160,7 +160,9 @@ class FakeNode:
     def stopped(self, why: str) -> None:
         self.capability = Capability("nothing", (), why)
 
-    def watch(self, log: Any, arm: int, stopped: bool = False, settings: Any = None) -> Sequence[Finding]:
+    def watch(
+        self, log: Any, arm: int, stopped: bool = False, settings: Any = None, mass: float | None = None
+    ) -> Sequence[Finding]:
         return [] if settings or stopped else [found("K1", -0.4)]
 
     def state_of(self, finding: Any) -> Any:
@@ -175,7 +177,8 @@ def looked(
     hands = Hands(
         lambda station, state, why: did.append(f"stop {state}"),
         lambda station, settings, why: did.append(f"{settings.target_time:g} s"),
-        lambda station: needed,
+        lambda station: {(place, 0.21) for place in needed},
+        lambda station: None,
         lambda decision: None,
     )
     guard = Guard({"a2": FakeNode(able)}, mode, hands)
@@ -251,7 +254,8 @@ def test_settings_out_of_range_reach_no_station() -> None:
 
 def test_the_best_knows_how_fast_a_changed_arm_could_be() -> None:
     usual = rehearsed(PLAN)
-    choices = slowed(PLAN, "D2*=6", 0.2)
-    assert set(choices[0].carry) < set(usual.carry), "at the usual target time it does not reach all places"
-    full = next(times for times in choices if set(times.carry) == set(usual.carry))
-    assert full.carry["red"] > usual.carry["red"]
+    loads = {(place, 0.21): 0.2 for place in usual.carry}
+    choices = slowed(PLAN, "D2*=6", loads)
+    assert set(choices[0]) < set(loads), "at the usual target time it does not reach all places"
+    full = next(rounds for rounds in choices if set(rounds) == set(loads))
+    assert full["red", 0.21].carry > usual.carry["red"]

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, cast
 
-from dtwin.bus.line.plant import ArmSettings, PlantState, PlantWord, StationReading
-from dtwin.bus.line.topics import PLANT_STATE, PLANT_WORD
+import pytest
+
+from dtwin.bus.line.plant import ArmSettings, PlantSetUp, PlantState, PlantWord, StationReading
+from dtwin.bus.line.topics import PLANT_SET_UP, PLANT_STATE, PLANT_WORD
 from dtwin.bus.session import Bus
 from dtwin.bus.topics.topic import Topic
-from dtwin.errors import CommunicationError, RecordingError
+from dtwin.errors import CommunicationError, DtwinError, RecordingError
 from dtwin.line.file import line_of
+from dtwin.line.floor import Floor
 from dtwin.line.live.overall import LiveOverall
+from dtwin.line.live.plant import LivePlant
 from dtwin.line.live.zone import LiveZone
 from dtwin.line.twins.decisions import Decision
 from dtwin.line_file import LineFile
@@ -122,3 +127,39 @@ def test_a_history_that_cannot_be_written_does_not_end_the_twin_of_a_line(tmp_pa
     twin = overall(Wire(lambda message: state(1.0)), tmp_path, Full(tmp_path / "h.jsonl", Decision, "a decision"))
     twin.stop("a2", "ada", "it smokes")
     assert [decision.who for decision in twin.state().decisions] == ["ada"]
+
+
+def test_at_the_keys_of_a_zone_the_plant_commands_the_stations_of_that_zone_alone() -> None:
+    class Keys(Wire):
+        """A bus that keeps who answers at the keys of whom."""
+
+        def __init__(self, arm: str = "line", acts: dict[tuple[str, str], Any] | None = None) -> None:
+            super().__init__(lambda message: None)
+            self.arm, self.acts = arm, {} if acts is None else acts
+
+        def beside(self, arm: str) -> Keys:
+            return Keys(arm, self.acts)
+
+        def answer(self, topic: Topic, message: type, act: object, read: object = None) -> None:
+            self.acts[self.arm, topic.name] = act
+
+    wire, now = Keys(), 0.0
+    plant = LivePlant(Floor(LINE), (), cast(Bus, wire), lambda: now)
+
+    def asked(arm: str, topic: Topic, message: Any) -> Any:
+        with ThreadPoolExecutor(1) as pool:
+            answer = pool.submit(wire.acts[arm, topic.name], message)
+            while not answer.done():
+                plant.serve()
+            return answer.result()
+
+    stop = PlantWord("a2", "failed", "it smokes")
+    with pytest.raises(DtwinError, match="zone b: expected one of its stations, b1 or b2, got 'a2'"):
+        asked("b", PLANT_WORD, stop)
+    assert asked("a", PLANT_WORD, stop).stations[1].why == "it smokes"
+    moved = PlantSetUp(0, {**LINE.assignment, "mark": "a1"})
+    with pytest.raises(DtwinError, match="zone b: expected one of its stations"):
+        asked("b", PLANT_SET_UP, moved)
+    with pytest.raises(DtwinError, match="zone a: expected one of its stations, a1 or a2, got 'b1'"):
+        asked("a", PLANT_SET_UP, PlantSetUp(0, {**LINE.assignment, "mark": "b1"}))
+    assert asked("a", PLANT_SET_UP, moved).set_up["mark"] == "a1"

@@ -16,8 +16,10 @@ TOLD: Final = 20
 """Number of the last decisions that are told."""
 MOST_NODES: Final = 1000
 """Number of nodes, and of segments, of a zone that can be told."""
-SetUps = Annotated[dict[Name, Name], msgspec.Meta(max_length=8)]
-"""The station of each operation, by the operation's name."""
+JobName = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,64}\Z")]
+"""The name of an operation, with that of a class of boxes behind a point where boxes are told apart."""
+SetUps = Annotated[dict[JobName, Name], msgspec.Meta(max_length=24)]
+"""The station of each operation, by the operation's name; of each with each class where boxes are told apart."""
 Point = tuple[float, float]
 """A point in the plane of the line, m."""
 

@@ -41,6 +41,8 @@ class StationReading(msgspec.Struct, frozen=True):
         waiting, worked, finished: numbers of the boxes in its slots, 0 for none.
         availability, performance, quality: of the last ten minutes, as the table `oee` reckons them (ISO 22400-2).
         settings: what its blocks have in the place of the settings of its cell; None for nothing.
+        load: the place to which its arm shall bring the box that it has or is offered, and the mass of that, kg; None
+            for none, and where nobody tells boxes apart by their masses.
     """
 
     name: Word
@@ -55,6 +57,7 @@ class StationReading(msgspec.Struct, frozen=True):
     performance: float = 0.0
     quality: float = 1.0
     settings: ArmSettings | None = None
+    load: tuple[Word, float] | None = None
 
 
 class PlantState(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
@@ -96,7 +99,8 @@ class PlantSetUp(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
 
     Attributes:
         based_on: version that was seen; another one in force refuses it.
-        set_up: station of each operation, all of them.
+        set_up: station of each operation, all of them; where boxes are told apart by their masses, of each operation
+            with each class.
     """
 
     based_on: Count
@@ -129,6 +133,7 @@ class StationAbility(msgspec.Struct, frozen=True):
         places: places of its cell to which it can bring the heaviest box.
         why: why, in words.
         settings: settings of its blocks with which it can do that; None for those in force.
+        lighter: other places to which it can bring lighter boxes, and the largest mass of their classes, kg.
     """
 
     name: Word
@@ -136,6 +141,7 @@ class StationAbility(msgspec.Struct, frozen=True):
     places: tuple[Word, ...]
     why: Line
     settings: ArmSettings | None = None
+    lighter: Annotated[tuple[tuple[Word, float], ...], msgspec.Meta(max_length=64)] = ()
 
 
 class ZoneState(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):

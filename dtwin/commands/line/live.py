@@ -112,7 +112,7 @@ class LineSetUp(_AtLine):
     """Have other stations do operations from now on, if the twins and the zones let it pass."""
 
     changes: tyro.conf.Positional[tuple[str, ...]]
-    """OPERATION=STATION, such as mark=a1; repeatable."""
+    """OPERATION=STATION, such as mark=a1, or mark.light=a1 for boxes of a class; repeatable."""
     why: str = "by hand"
     """Reason, for the history."""
     who: str = ""

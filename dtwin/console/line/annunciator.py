@@ -22,7 +22,7 @@ class LineAnnunciator(Annunciator):
         """Follows a line; before it has told anything, that nothing is heard is no alarm yet."""
         if state.line is not None and (told := state.line.state) is not None:
             busy = age is not None and age < ON_DELAY and not state.line.ended
-            told_of = (each for each in state.conditions if not (busy and each.kind == "stale"))
+            told_of = (each for each in state.conditions if not (busy and each.key in ("stale", "twin")))
             found = {PREFIX + each.key: each for each in told_of}
             for alarm in self.alarms.alarms():
                 if alarm.active and alarm.name.startswith(PREFIX) and alarm.name not in found:

@@ -27,17 +27,19 @@ ROWS: Final[dict[Kind, Row]] = {
 
 
 def conditions(
-    state: LineState | None, services: Mapping[str, Health], lost: str, proposed: int
+    state: LineState | None, services: Mapping[str, Health], lost: str, proposed: int, by_plant: bool = False
 ) -> tuple[Condition, ...]:
     """The abnormal conditions of a line, the severe ones first.
 
     Args:
         state: how it does; None before it has told.
         services: health of its processes by name.
-        lost: why nothing is heard of it, "" while it is.
+        lost: why nothing is heard of it, or of its twin, "" while it is.
         proposed: number of proposals that wait for a person.
+        by_plant: whether its plant is heard, and its twin is not.
     """
-    found = [Condition("stale", "stale", lost, True)] if lost else []
+    found = [Condition("twin", "service", lost, True) if by_plant else Condition("stale", "stale", lost, True)]
+    found = found if lost else []
     for name, health in services.items():
         if health.state not in GOOD and name != CONSOLE:
             reason = f": {health.reason}" if health.reason else ""

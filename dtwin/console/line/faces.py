@@ -16,7 +16,7 @@ class LineFace(msgspec.Struct, frozen=True):
         desks: who has the desk of each zone.
         trend: plant time, s, and boxes an hour in the ten minutes before it, oldest first.
         expected: what its twins expect of the set-up in force beside the best there is; None before they have told.
-        lost: why nothing is heard of it, "" while it is.
+        lost: why nothing is heard of it, or of its twin, "" while it is.
         ended: whether it has gone, or cannot be reached.
     """
 

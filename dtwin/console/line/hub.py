@@ -7,7 +7,8 @@ from collections import deque
 from typing import Final
 
 from dtwin.bus.line.messages import FlowEffect, LinePlan, LineState, SetUpQuestion
-from dtwin.bus.line.topics import LINE_LOOK, LINE_PLAN, LINE_PREDICT, LINE_STATE
+from dtwin.bus.line.plant import PlantState
+from dtwin.bus.line.topics import LINE_LOOK, LINE_PLAN, LINE_PREDICT, LINE_STATE, PLANT_STATE
 from dtwin.bus.messages import EVENTS, STATUS, SUMMARY, Status, Summary
 from dtwin.bus.proposals.deciding import LINE
 from dtwin.bus.proposals.messages import LineLook
@@ -18,6 +19,7 @@ from dtwin.console.line.commands import LINE_COMMANDS, LINE_STALE
 from dtwin.console.line.conditions import conditions
 from dtwin.console.line.desks import ZoneOccupancy
 from dtwin.console.line.faces import LineFace
+from dtwin.console.line.plant import as_plant_tells
 from dtwin.console.line.stations import StationFace, Stations
 from dtwin.console.telling import CellState, Frame
 from dtwin.errors import CommunicationError
@@ -65,6 +67,7 @@ class LineHub(Hub):
         self.desk = self.desks = ZoneOccupancy(bus)
         self._read = False
         self._state: LineState | None = None
+        self._plant: tuple[PlantState, float, float] | None = None
         self._trend: deque[tuple[float, float]] = deque(maxlen=TREND)
         self._expected: FlowEffect | None = None
         self._asked_for: object = None
@@ -74,6 +77,7 @@ class LineHub(Hub):
         """Subscribes to what is published, and begins to ask for the rest."""
         self._bus.subscribe(STATUS, Status, self._take_status)
         self._bus.subscribe(EVENTS, Event, self._take_event)
+        self._bus.subscribe(PLANT_STATE, PlantState, self._take_plant)
         self._bus.watch_alive(self._take_token)
         self._asking.start()
 
@@ -99,15 +103,20 @@ class LineHub(Hub):
         return None if self._state is None else self._clocks.steady() - self._heard[0]
 
     def frame(self) -> Frame:
-        """When the line was last heard of."""
-        state, age = self._state, self.age
+        """When the line was last heard of, its twin or else its plant."""
+        state, age, wall = self._state, self.age, self._heard[1]
         if state is None or age is None:
             return Frame()
-        return Frame(state.time, round(max(0.0, age), 3), round(1e3 * self._heard[1], 1))
+        time = state.time
+        if (plant := self._plant_alone()) is not None:
+            time, age, wall = plant[0].time, self._clocks.steady() - plant[1], plant[2]
+        return Frame(time, round(max(0.0, age), 3), round(1e3 * wall, 1))
 
     def state(self) -> CellState:
         """How the line does."""
-        state, look = self._state, self._last.get(LineLook)
+        state, look, plant = self._state, self._last.get(LineLook), self._plant_alone()
+        if state is not None and plant is not None:
+            state = as_plant_tells(state, plant[0])
         proposals = () if look is None else look.proposals
         lost = self._lost()
         face = LineFace(
@@ -127,7 +136,7 @@ class LineHub(Hub):
             services=services,
             proposals=proposals,
             events=tuple(self._events),
-            conditions=conditions(state, services, lost, opened),
+            conditions=conditions(state, services, lost, opened, plant is not None),
             line=face,
         )
 
@@ -136,16 +145,34 @@ class LineHub(Hub):
         return any(map(self.is_here, ANSWERING))
 
     def _lost(self) -> str:
-        """Why nothing is heard of the line, "" while it is."""
+        """Why nothing is heard of the line, or of its twin, "" while it is."""
         age = self.age
         if age is not None and age <= LINE_STALE:
             return ""
+        if self._state is not None and self._plant_alone() is not None:
+            said = "does not answer" if self._is_there() else "has gone"
+            return (
+                f"the twin of the line {said}, silent since {self._state.time:.1f} s: shown is what the plant tells,"
+                " and what arms can do as it was then"
+            )
         since = "" if age is None else f" for {age:.0f} s"
         if not self._is_there():
             if self.is_here(PLANT):
                 return "the twin of the line has gone; its plant goes on"
             return "the line has ended, or cannot be reached"
         return f"the line does not answer{since}: it is busy, or hangs"
+
+    def _plant_alone(self) -> tuple[PlantState, float, float] | None:
+        """What the plant tells, and when it was heard, while it is and the twin of the line is not; else None."""
+        age, plant = self.age, self._plant
+        if age is None or age <= LINE_STALE or plant is None or self._clocks.steady() - plant[1] > LINE_STALE:
+            return None
+        return plant
+
+    def _take_plant(self, plant: PlantState) -> None:
+        self._plant = plant, self._clocks.steady(), self._clocks.wall()
+        if self._plant_alone() is not None:
+            self._enter_trend(plant.time, plant.rate)
 
     def _ask_all(self) -> None:
         while not self._over.is_set():
@@ -170,9 +197,12 @@ class LineHub(Hub):
             self._trend.clear()
             self._last.pop(LinePlan, None)
             self._expected = self._asked_for = None
-        if state.time - (self._trend[-1][0] if self._trend else -math.inf) >= TREND_EVERY:
-            self._trend.append((round(state.time, 1), round(state.rate, 1)))
+        self._enter_trend(state.time, state.rate)
         self._state, self._heard = state, (self._clocks.steady(), self._clocks.wall())
+
+    def _enter_trend(self, time: float, rate: float) -> None:
+        if time - (self._trend[-1][0] if self._trend else -math.inf) >= TREND_EVERY:
+            self._trend.append((round(time, 1), round(rate, 1)))
 
     def _ask_summary(self) -> None:
         """Asks how the processes do; that nobody answers must not make what is known of the line old."""

@@ -67,6 +67,7 @@ class DistantZone:
         self.plant: PlantState | None = None
         self._name, self._stations = zone.name, tuple(station.name for station in zone.stations)
         self._places = tuple(dict.fromkeys(operation.place for operation in line.operations))
+        self._jobs = line.jobs
         self._bus, self._clock = bus.beside(zone.name), clock
         self._heard = clock()
         self._rates: dict[tuple[tuple[str, str], ...], float] = {}
@@ -97,7 +98,7 @@ class DistantZone:
         told = () if self.state is None else self.state.stations
         found = next((each for each in told if each.name == station), None)
         if found is not None and (self.present or found.ability != "all"):
-            return Capability(found.ability, found.places, found.why, found.settings)
+            return Capability(found.ability, found.places, found.why, found.settings, lighter=found.lighter)
         readings = () if self.plant is None else self.plant.stations
         stopped = next((each for each in readings if each.name == station and each.stop), None)
         if stopped is not None:
@@ -110,11 +111,10 @@ class DistantZone:
             answer = self._ask(FlowQuestion(operations, dict(now)))
         except CommunicationError as error:
             log.warning("zone %s stays as it is: %s", self._name, error)
-            share = {name: now[name] for name in operations if now[name] in self._stations}
+            jobs = [job.name for job in self._jobs if job.operation in operations]
+            share = {name: now[name] for name in jobs if now[name] in self._stations}
             able = all(self.capability(at).ability != "nothing" for at in share.values())
-            return (
-                Flow(share, self._rates.get(_key(share), 3600.0)) if able and len(share) == len(operations) else None
-            )
+            return Flow(share, self._rates.get(_key(share), 3600.0)) if able and len(share) == len(jobs) else None
         if not answer.set_up:
             return None
         self._rates[_key(answer.set_up)] = answer.rate
@@ -348,7 +348,8 @@ def _name_of(decision: Decision | LineDecision) -> tuple[float, str, str, str]:
 def _same(able: Capability, before: Capability) -> bool:
     """Whether an arm can do the same as before; one that works more slowly may do so at another speed."""
     slow = "slower" in (able.ability, before.ability)
-    return able.places == before.places and (not slow or (able.ability, able.why) == (before.ability, before.why))
+    held = able.places == before.places and able.lighter == before.lighter
+    return held and (not slow or (able.ability, able.why) == (before.ability, before.why))
 
 
 def _key(assignment: Assignment) -> tuple[tuple[str, str], ...]:

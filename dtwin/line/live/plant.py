@@ -16,7 +16,7 @@ from dtwin.errors import ParameterError, choices
 from dtwin.line.chain.station import ChainStation
 from dtwin.line.fleet.fleet import Fleet
 from dtwin.line.floor import Floor
-from dtwin.line.line import Assignment
+from dtwin.line.line import Assignment, ZonePlan
 from dtwin.line.live.arms import ArmPublisher
 from dtwin.line.live.between import Between
 from dtwin.line.live.chain import ChainArmPublisher
@@ -41,6 +41,13 @@ def _publisher(arm: Bus, station: Emulated) -> ArmPublisher | ChainArmPublisher:
     if isinstance(station, ChainStation):
         return ChainArmPublisher(arm, station.log)
     return ArmPublisher(arm, station.log)
+
+
+def _check_inside(zone: ZonePlan, station: str | None) -> None:
+    """Checks that a station is one of a zone. Raises ParameterError."""
+    names = [each.name for each in zone.stations]
+    if station not in names:
+        raise ParameterError(f"zone {zone.name}: expected one of its stations, {choices(names)}, got {station!r}")
 
 
 class LivePlant:
@@ -87,6 +94,10 @@ class LivePlant:
         self._tell = bus.publisher(PLANT_STATE)
         bus.answer(PLANT_SET_UP, PlantSetUp, partial(ask, self._set_up), partial(ask, self._state))
         bus.answer(PLANT_WORD, PlantWord, partial(ask, self._word))
+        for zone in floor.line.zones:  # at keys of its own its twin can be let command its own stations alone
+            own = bus.beside(zone.name)
+            own.answer(PLANT_SET_UP, PlantSetUp, partial(ask, partial(self._set_up_in, zone)))
+            own.answer(PLANT_WORD, PlantWord, partial(ask, partial(self._word_in, zone)))
         arms = {name: bus.beside(name) for name in floor.emulated}
         for name, arm in arms.items():
             arm.answer(FAULT, FaultRequest, partial(ask, partial(self._fault, name)))
@@ -150,6 +161,20 @@ class LivePlant:
         self._assignment = dict(asked.set_up)
         self._version += 1
         return self._state()
+
+    def _set_up_in(self, zone: ZonePlan, asked: PlantSetUp) -> PlantState:
+        """Sets a zone up anew, and leaves the others as they are."""
+        for name in {*asked.set_up, *self._assignment}:
+            before, after = self._assignment.get(name), asked.set_up.get(name)
+            if before != after:
+                for station in (before, after):
+                    _check_inside(zone, station)
+        return self._set_up(asked)
+
+    def _word_in(self, zone: ZonePlan, asked: PlantWord) -> PlantState:
+        """Does as the twin of a zone says with one of its stations."""
+        _check_inside(zone, asked.station)
+        return self._word(asked)
 
     def _word(self, asked: PlantWord) -> PlantState:
         self._check(asked.station)

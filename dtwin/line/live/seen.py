@@ -74,7 +74,7 @@ def plant_state(
     return PlantState(
         floor.time,
         version,
-        {operation.name: set_up[operation.name] for operation in line.operations},
+        {job.name: set_up[job.name] for job in line.jobs},
         len(plant.boxes),
         now.boxes,
         now.left,
@@ -121,7 +121,7 @@ def line_state(
                 doing,
                 can.ability,
                 can.why[:1000],
-                plan.operations,
+                tuple(job.name for each in plan.operations for job in line.jobs if job.operation == each),
                 box,
                 *(reading.waiting, reading.worked, reading.finished),
                 *(reading.availability, reading.performance, reading.quality),
@@ -133,7 +133,7 @@ def line_state(
         plant.time,
         mode,
         work.version,
-        {operation.name: work.assignment[operation.name] for operation in line.operations},
+        {job.name: work.assignment[job.name] for job in line.jobs},
         line.source.every,
         plant.entered,
         plant.inside,
@@ -206,6 +206,7 @@ def _readings(
             *shares[number],
             _quality(name, recent),
             floor.emulated[name].settings,
+            floor.plant.load(name),
         )
 
 

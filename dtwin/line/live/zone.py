@@ -26,7 +26,7 @@ from dtwin.bus.line.topics import PLANT_SET_UP, PLANT_STATE, PLANT_WORD, ZONE_FL
 from dtwin.bus.session import Bus
 from dtwin.errors import CommunicationError
 from dtwin.line.chain.cell import arm_cell, believed_chain_settings
-from dtwin.line.line import Line, StationPlan
+from dtwin.line.line import Line, Load, StationPlan
 from dtwin.line.live.arms import ArmFollower
 from dtwin.line.live.chain import ChainArmFollower
 from dtwin.line.live.seen import told
@@ -67,18 +67,18 @@ class LiveZone:
     """
 
     def __init__(self, line: Line, number: int, mode: Mode, bus: Bus, put: Callable[[Any], None]) -> None:
-        self._line, self._mode, self._bus = line, mode, bus
+        self._line, self._mode = line, mode
         zone = line.zones[number]
         nodes = {s.name: node_of(line, s) for s in zone.stations}
         self._twin = ZoneTwin(line, number, nodes)
-        self._guard = Guard(nodes, mode, Hands(self._stop, self._settle, self._needed, self._note))
+        self._guard = Guard(nodes, mode, Hands(self._stop, self._settle, self._needed, self._works, self._note))
         self._decisions: deque[Decision] = deque(maxlen=TOLD)
         self._plant: PlantState | None = None
         self._seen_changed: set[str] = set()
         self._demanded: dict[str, PlantWord] = {}
         self._looked = 0.0
         self._alone = True
-        own = bus.beside(zone.name)
+        own = self._own = bus.beside(zone.name)
         self._tell = own.publisher(ZONE_STATE)
         self._arms = {station.name: _follower(bus.beside(station.name), station, put) for station in zone.stations}
         bus.subscribe(PLANT_STATE, PlantState, put)
@@ -109,7 +109,9 @@ class LiveZone:
         stations = []
         for name in self._twin.stations:
             able = self._twin.capability(name)
-            stations.append(StationAbility(name, able.ability, able.places, able.why[:1000], able.settings))
+            stations.append(
+                StationAbility(name, able.ability, able.places, able.why[:1000], able.settings, able.lighter)
+            )
         self._tell(ZoneState(self._twin.name, self.time, tuple(stations), tuple(map(told, self._decisions))))
 
     def _look(self, plant: PlantState) -> None:
@@ -148,7 +150,8 @@ class LiveZone:
         if self._plant is None:
             return
         in_force = dict(self._plant.set_up)
-        share = tuple(name for name, at in in_force.items() if at in self._twin.stations)
+        own = {name for name, at in in_force.items() if at in self._twin.stations}
+        share = tuple(dict.fromkeys(job.operation for job in self._line.jobs if job.name in own))
         flow = self._twin.best(share, in_force)
         if flow is None:
             why = f"{because}: no station of the zone can do all that is left"
@@ -159,7 +162,7 @@ class LiveZone:
         moved = ", ".join(f"{n} from {in_force[n]} to {at}" for n, at in flow.assignment.items() if in_force[n] != at)
         whole = {**in_force, **flow.assignment}
         try:
-            self._bus.ask(PLANT_SET_UP, PlantSetUp(self._plant.version, whole), PlantState)
+            self._own.ask(PLANT_SET_UP, PlantSetUp(self._plant.version, whole), PlantState)
         except CommunicationError as error:
             log.warning("%s: %s", because, error)
             return
@@ -177,14 +180,19 @@ class LiveZone:
         self._demanded[station] = PlantWord(station, "settings", why[:1000], settings)
         self._demand(self._demanded[station])
 
-    def _needed(self, station: str) -> frozenset[str]:
-        """The places to which a station brings boxes now."""
+    def _needed(self, station: str) -> frozenset[Load]:
+        """What a station brings to which places now."""
         in_force = self._line.assignment if self._plant is None else self._plant.set_up
-        return self._line.places(in_force, station)
+        return self._line.loads(in_force, station)
+
+    def _works(self, station: str) -> Load | None:
+        """The box that the arm of a station holds, or is offered, now."""
+        readings = () if self._plant is None else self._plant.stations
+        return next((each.load for each in readings if each.name == station), None)
 
     def _demand(self, word: PlantWord) -> None:
         try:
-            self._bus.ask(PLANT_WORD, word, PlantState)
+            self._own.ask(PLANT_WORD, word, PlantState)
         except CommunicationError as error:
             log.error("%s: %s is not heard: %s", word.station, word.word, error)
 

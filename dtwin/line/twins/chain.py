@@ -15,7 +15,7 @@ from dtwin.line.chain.cell import believed_chain_settings
 from dtwin.line.chain.rows import ArmRows
 from dtwin.line.line import StationPlan
 from dtwin.line.station import FREE, WorkTimes
-from dtwin.line.twins.node import Capability, held_at
+from dtwin.line.twins.node import Capability, heaviest_held, held_at
 from dtwin.line.twins.rehearsal import rehearsed
 from dtwin.line.twins.work import MeasuredWork
 from dtwin.monitoring.chain.finding import ChainFinding
@@ -47,12 +47,15 @@ class ChainNodeTwin:
         plan: what it is.
         cell: its cell.
         lightest, heaviest: masses of the boxes of the line, kg.
+        classes: largest masses of the classes of boxes that can be told apart, the heaviest first, kg.
     """
 
-    def __init__(self, plan: StationPlan, cell: ArmCell, lightest: float, heaviest: float) -> None:
+    def __init__(
+        self, plan: StationPlan, cell: ArmCell, lightest: float, heaviest: float, classes: tuple[float, ...] = ()
+    ) -> None:
         self.plan = plan
         self._settings: ChainSettings = believed_chain_settings(plan, cell)
-        self._masses = lightest, heaviest
+        self._masses, self._classes = (lightest, heaviest), (heaviest, *classes[1:])
         task = self._settings.sorting
         assert task is not None
         self._places = tuple(task.places)
@@ -84,7 +87,12 @@ class ChainNodeTwin:
         self.capability = Capability("nothing", (), why)
 
     def watch(
-        self, log: ArmRows, arm: int, stopped: bool = False, settings: ArmSettings | None = None
+        self,
+        log: ArmRows,
+        arm: int,
+        stopped: bool = False,
+        settings: ArmSettings | None = None,
+        mass: float | None = None,
     ) -> list[ChainFound]:
         """Looks at what the log has since the last call; returns what was found out.
 
@@ -93,6 +101,7 @@ class ChainNodeTwin:
             arm: what the arm does: FREE, OFFERED or HOLDING.
             stopped: whether it is stopped: what it does then tells nothing of it.
             settings: None, since its blocks keep the settings of its cell.
+            mass: mass of the box that it has or is offered; its monitor does not need it.
         """
         first, self._seen = self._seen, len(log)
         if self._seen < first:  # the arm has begun anew
@@ -137,10 +146,15 @@ class ChainNodeTwin:
         if found.kind == "K" and found.joint is not None:
             lost[found.joint - 1] = found.size
         lightest, heaviest = self._masses
-        heavy, light = (self._beyond(mass, lost) for mass in (heaviest, lightest))
-        ability, places = held_at(self._places, heavy, light)
+        unheld = {mass: self._beyond(mass, lost) for mass in (*self._classes, lightest)}
+        heavy = unheld[heaviest]
+        ability, places = held_at(self._places, heavy, unheld[lightest])
+        loads = heaviest_held(self._places, self._classes, unheld)
+        lighter = tuple((place, mass) for place, mass in loads.items() if mass < heaviest)
+        if lighter:
+            ability = "lighter boxes" if len(loads) == len(self._places) else "some places"
         beyond = f"it cannot hold {heaviest:g} kg at {', '.join(sorted(heavy))}" if heavy else "it can hold every box"
-        return Capability(ability, places, f"{found.text(arm)}: {beyond}")
+        return Capability(ability, places, f"{found.text(arm)}: {beyond}", lighter=lighter)
 
     def _able(self) -> Capability:
         return Capability("all", self._places, "nothing is wrong")

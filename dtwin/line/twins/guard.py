@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from dtwin.bus.line.plant import ArmSettings
+from dtwin.line.line import Load
 from dtwin.line.station import FREE
 from dtwin.line.twins.decisions import Decision, Mode, Note
 from dtwin.line.twins.node import Capability, Node
@@ -26,13 +27,15 @@ class Hands:
     Attributes:
         stop: has the blocks of a station stop its arm.
         settle: has the blocks of a station work with other settings.
-        needed: tells to which places of its cell a station brings boxes now.
+        needed: tells what a station brings to which places of its cell now.
+        works: tells the box that its arm holds, or is offered, now; None for none, or a usual one.
         note: keeps what is decided.
     """
 
     stop: StopArm
     settle: SetArm
-    needed: Callable[[str], Collection[str]]
+    needed: Callable[[str], Collection[Load]]
+    works: Callable[[str], Load | None]
     note: Note
 
 
@@ -83,19 +86,28 @@ class Guard:
             Reasons to share the work out otherwise, in words.
         """
         node, reasons = self._nodes[station], []
-        for finding in node.watch(log, arm, stop != 0, settings):
+        load = self._hands.works(station)
+        for finding in node.watch(log, arm, stop != 0, settings, None if load is None else load[1]):
             self._note(Decision(time, f"monitor of {station}", "finding", finding.text(), station))
             able = node.capability
             if station in self.stopped:
                 node.stopped(f"{able.ability}: {able.why}")
                 continue
-            if not stop and set(self._hands.needed(station)) <= set(able.places):
+            if not stop and all(map(able.holds, self._hands.needed(station))):
                 reasons += self._go_on(station, able, time)
+                continue
+            if not stop and able.lighter and self._too_heavy(station) is None:
+                reasons += self._go_on(station, able, time) or [f"{station} can do {able.ability}"]
                 continue
             if able.ability == "all":
                 continue
             reasons.append(f"{station} can do nothing")
             self._stop(station, node.state_of(finding), f"{able.ability}: {able.why}", time)
+        heavy = self._too_heavy(station) if node.capability.lighter and not stop else None
+        if heavy is not None and station not in self.stopped:
+            reasons.append(f"{station} can do nothing")
+            why = f"{node.capability.why}; it was to bring {heavy[1]:g} kg to {heavy[0]}"
+            self._stop(station, "failed", why, time)
         if station in self._waiting and arm == FREE and node.rests and not stop and station not in self.stopped:
             self._settle(station, time)
         if node.doubt and station not in self.stopped:
@@ -107,6 +119,11 @@ class Guard:
             self._note(Decision(time, f"blocks of {station}", "stop", "the arm left its path", station))
             reasons.append(f"{station} can do nothing")
         return reasons
+
+    def _too_heavy(self, station: str) -> Load | None:
+        """What an arm holds, or is offered, now and cannot hold where it shall bring it."""
+        load = self._hands.works(station)
+        return None if load is None or self.capability(station).holds(load) else load
 
     def _go_on(self, station: str, able: Capability, time: float) -> list[str]:
         """Lets an arm work on, with other settings if it needs any; the reasons to share the work out otherwise."""

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections import deque
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final, Literal, Protocol
 
 import numpy as np
 
 from dtwin.bus.line.plant import ArmSettings
-from dtwin.line.line import StationPlan
+from dtwin.line.line import Load, StationPlan
 from dtwin.line.station import FREE, WorkTimes, believed_settings
-from dtwin.line.twins.rehearsal import AWAY, longest, rehearsed, rehearsed_anew
+from dtwin.line.twins.rehearsal import AWAY, Rehearsed, longest, rehearsed, rehearsed_anew
 from dtwin.logs.collecting import RunLog
 from dtwin.monitoring.estimation.belief import NOISE_FLOOR, assumed
 from dtwin.monitoring.kinds import RELATIVE, SUPPLY, arm_state
 from dtwin.monitoring.monitor import Monitor
-from dtwin.monitoring.offline import stream
+from dtwin.monitoring.offline import Stream, stream
 from dtwin.monitoring.verdict import Finding
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters, scaled
 from dtwin.recovery.answers import answer_to
@@ -38,6 +39,8 @@ _STANDS: Final = 20
 """Ticks for which the path of an arm at rest has not moved at least."""
 _STILL: Final = 0.002
 """Range within which it may have, rad: of a path that was lost on its way, only what encoders read is known."""
+_BOXES: Final = 100
+"""Number of boxes whose masses are remembered: more than an arm has within BEFORE."""
 SLOWER: Final = 1.05
 """Share of its usual time for a box from which on an arm works slower."""
 LEAST: Final = 1e-6
@@ -54,6 +57,7 @@ class Capability:
         why: in words.
         settings: settings of its blocks with which it can do that; None for those in force.
         times: how long its work takes with them; None for as long as usual.
+        lighter: other places to which it can bring lighter boxes, and the largest mass of their classes, kg.
     """
 
     ability: Ability
@@ -61,6 +65,12 @@ class Capability:
     why: str
     settings: ArmSettings | None = None
     times: WorkTimes | None = None
+    lighter: tuple[Load, ...] = ()
+
+    def holds(self, load: Load) -> bool:
+        """Whether it can bring a box of a mass (kg) to a place."""
+        place, mass = load
+        return place in self.places or mass <= dict(self.lighter).get(place, 0.0)
 
 
 class Found(Protocol):
@@ -93,7 +103,12 @@ class Node(Protocol):
         """The arm was stopped, and nobody knows yet what it can do."""
 
     def watch(
-        self, log: Any, arm: int, stopped: bool = False, settings: ArmSettings | None = None
+        self,
+        log: Any,
+        arm: int,
+        stopped: bool = False,
+        settings: ArmSettings | None = None,
+        mass: float | None = None,
     ) -> Sequence[Found]:
         """Looks at what the log of its arm has since the last call; returns what was found out."""
 
@@ -117,26 +132,45 @@ def held_at(places: Sequence[str], heavy: Collection[str], light: Collection[str
     return ("nothing" if light else "lighter boxes"), held
 
 
+def heaviest_held(
+    places: Sequence[str], classes: Sequence[float], beyond: Mapping[float, Collection[str]]
+) -> dict[str, float]:
+    """The largest mass of a class of boxes that an arm can hold at rest, by the place, kg.
+
+    Args:
+        places: names of the places of its cell, beside "pickup".
+        classes: largest masses of the classes, the heaviest first, kg.
+        beyond: places at which it cannot hold such a mass.
+    """
+    found: dict[str, float] = {}
+    for mass in classes:
+        if "pickup" not in beyond[mass]:
+            found |= {place: mass for place in places if place not in beyond[mass] and place not in found}
+    return {place: found[place] for place in places if place in found}
+
+
 class NodeTwin:
     """The twin of a station.
 
     Args:
         plan: what it is.
         lightest, heaviest: masses of the boxes of the line, kg.
+        classes: largest masses of the classes of boxes that can be told apart, the heaviest first, kg.
     """
 
-    def __init__(self, plan: StationPlan, lightest: float, heaviest: float) -> None:
+    def __init__(self, plan: StationPlan, lightest: float, heaviest: float, classes: tuple[float, ...] = ()) -> None:
         self.plan = plan
         settings = believed_settings(plan)
         self._healthy, self._task = settings.arm, settings.task
         self._noise = max(settings.noise, NOISE_FLOOR)
         self._believe(self._healthy)
-        self._masses = lightest, heaviest
+        self._masses, self._classes = (lightest, heaviest), (heaviest, *classes[1:])
         self._strength = Strength.of(self._healthy, heaviest, self._task)
         self.capability = self._able()
         self._monitor: Monitor | None = None
         self._from = self._seen = self._told = self._suspected_until = 0
         self._busy_since: int | None = None
+        self._weighed: deque[tuple[int, float]] = deque(maxlen=_BOXES)
         self._known = False
         self._settings: ArmSettings | None = None
         self.rests = False
@@ -180,7 +214,12 @@ class NodeTwin:
             self.capability = self._rehearsed(settings.model, "other settings are in force")
 
     def watch(
-        self, log: RunLog, arm: int, stopped: bool = False, settings: ArmSettings | None = None
+        self,
+        log: RunLog,
+        arm: int,
+        stopped: bool = False,
+        settings: ArmSettings | None = None,
+        mass: float | None = None,
     ) -> list[Finding]:
         """Looks at what the log has since the last call; returns what was found out.
 
@@ -192,9 +231,12 @@ class NodeTwin:
             arm: what the arm does: FREE, OFFERED or HOLDING.
             stopped: whether it is stopped: then it finishes no box, whatever is wrong.
             settings: what its blocks have in the place of the settings of its cell; None for nothing.
+            mass: mass of the box that it has or is offered, kg; None for a usual one, or none.
         """
         rows, first = len(log), self._seen
         self._seen = rows
+        if mass is not None and (not self._weighed or self._weighed[-1][1] != mass):
+            self._weighed.append((first, mass))
         if settings is not None and settings != self._settings:
             self._adopt(settings, first)
         if self._known or rows == first:
@@ -213,15 +255,25 @@ class NodeTwin:
             return []
         if self._monitor is None:
             self._monitor, self._told = Monitor(self._belief), 0
-            new = log.since(max(self._from, first - BEFORE))
-        seen = stream(new)
-        seen.feed(self._monitor, 0, len(seen))
+            first = max(self._from, first - BEFORE)
+            new = log.since(first)
+        self._feed(self._monitor, stream(new), first)
         found = self._monitor.history[self._told :]
         self._told += len(found)
         for each in found:
             self.capability = self.judged(each)
             self._known = self.capability.ability == "nothing"
         return found
+
+    def _feed(self, monitor: Monitor, seen: Stream, first: int) -> None:
+        """Has a monitor take in samples from a number on, with the masses that boxes had meanwhile."""
+        done = 0
+        for row, mass in self._weighed:
+            begin = min(max(row - first, 0), len(seen))
+            seen.feed(monitor, done, begin)
+            monitor.estimator.box_mass = mass
+            done = begin
+        seen.feed(monitor, done, len(seen))
 
     def _try(self, away: float, rows: int) -> None:
         """Takes note of how far the arm was from its path, before settings were changed and on their trial."""
@@ -265,21 +317,43 @@ class NodeTwin:
     def _rehearsed(self, arm: ArmParameters, why: str) -> Capability:
         """What an arm can do, as the weights at its places and a rehearsal with other settings say."""
         lightest, heaviest = self._masses
-        heavy, light = (self._strength.beyond(arm, mass) for mass in (heaviest, lightest))
-        ability, held = held_at(self._task.colours, heavy, light)
-        found = rehearsed_anew(self.plan, arm, held, heaviest) if held else None
+        beyond = {mass: self._strength.beyond(arm, mass) for mass in (*self._classes, lightest)}
+        ability, _ = held_at(self._task.colours, beyond[heaviest], beyond[lightest])
+        loads = heaviest_held(self._task.colours, self._classes, beyond)
+        found, loads = self._within_reach(arm, loads)
         if found is None:
-            beyond = (
-                f"it cannot hold {heaviest:g} kg at {', '.join(sorted(heavy))}" if heavy else "it leaves its path"
-            )
-            return Capability("nothing" if held else ability, (), f"{why}: {beyond}")
-        places = tuple(found.times.carry)
-        usual = longest(rehearsed(self.plan), places)
+            heavy = sorted(beyond[heaviest])
+            words = f"it cannot hold {heaviest:g} kg at {', '.join(heavy)}" if heavy else "it leaves its path"
+            return Capability("nothing" if loads else ability, (), f"{why}: {words}")
+        able = tuple(found.times.carry)
+        places = tuple(place for place in able if loads[place] == heaviest)
+        lighter = tuple((place, loads[place]) for place in able if loads[place] < heaviest)
+        usual = longest(rehearsed(self.plan), able)
         ability = "slower" if found.cycle > SLOWER * usual else "all"
-        if len(places) < len(self._task.colours):
+        if lighter:
+            ability = "lighter boxes"
+        if len(able) < len(self._task.colours):
             ability = "some places"
         words = (
             f"with a model of that, and {found.settings.target_time:g} s for a motion, it takes {found.cycle:.1f} s"
-            f" for a box of {heaviest:g} kg instead of {usual:.1f} s, to {', '.join(places)}"
+            f" for a box of {heaviest if places else max(loads.values()):g} kg instead of {usual:.1f} s,"
+            f" to {', '.join(places or able)}"
         )
-        return Capability(ability, places, f"{why}: {words}", found.settings, found.times)
+        if places and lighter:
+            words += "; " + ", ".join(f"of {mass:g} kg at most to {place}" for place, mass in lighter)
+        return Capability(ability, places, f"{why}: {words}", found.settings, found.times, lighter)
+
+    def _within_reach(self, arm: ArmParameters, loads: dict[str, float]) -> tuple[Rehearsed | None, dict[str, float]]:
+        """Settings with which an arm works, and what it brings then: lighter boxes where it leaves its path.
+
+        Args:
+            arm: the arm.
+            loads: the largest masses that its motors can hold at rest, by the place, kg.
+        """
+        while True:
+            found = rehearsed_anew(self.plan, arm, tuple(loads.items())) if loads else None
+            failed = set(loads) - set(() if found is None else found.times.carry)
+            lower = {place: [m for m in self._classes if m < loads[place]] for place in failed}
+            if not any(lower.values()):
+                return found, loads
+            loads = {**loads, **{place: masses[0] for place, masses in lower.items() if masses}}

@@ -13,5 +13,8 @@ AnyNode = NodeTwin | ChainNodeTwin
 
 def node_of(line: Line, plan: StationPlan) -> AnyNode:
     """The twin of a station of a line. Raises DtwinError when its cell cannot be used."""
-    cell, (lightest, heaviest) = arm_cell(plan), (line.source.lightest, line.source.heaviest)
-    return NodeTwin(plan, lightest, heaviest) if cell is None else ChainNodeTwin(plan, cell, lightest, heaviest)
+    cell, classes = arm_cell(plan), tuple(each.heaviest for each in line.classes)
+    lightest, heaviest = line.source.lightest, line.source.heaviest
+    if cell is None:
+        return NodeTwin(plan, lightest, heaviest, classes)
+    return ChainNodeTwin(plan, cell, lightest, heaviest, classes)

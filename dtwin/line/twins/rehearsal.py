@@ -15,7 +15,7 @@ import numpy as np
 from dtwin.bus.line.plant import ArmSettings
 from dtwin.controller.bounds import check_model
 from dtwin.errors import ParameterError
-from dtwin.line.line import StationPlan
+from dtwin.line.line import Load, StationPlan
 from dtwin.line.station import FREE, EmulatedStation, Station, WorkTimes, believed_settings
 from dtwin.line.stations import rehearsal
 from dtwin.parameters import PERIOD, VOLTAGE_LIMIT, ArmParameters
@@ -74,17 +74,16 @@ def rehearsed(plan: StationPlan) -> WorkTimes:
     return _rehearsed(_known_of(plan))
 
 
-def rehearsed_anew(plan: StationPlan, arm: ArmParameters, places: Sequence[str], mass: float) -> Rehearsed | None:
+def rehearsed_anew(plan: StationPlan, arm: ArmParameters, loads: tuple[Load, ...]) -> Rehearsed | None:
     """The shortest target time at which a changed arm works, with a model of it in its controller.
 
-    It works where it brings the heaviest box to its place without leaving its path, with voltages that are seldom at
+    It works where it brings its heaviest box to its place without leaving its path, with voltages that are seldom at
     their limit. If no target time lets it reach all places, the shortest with most of them is taken.
 
     Args:
         plan: the station.
         arm: its arm as it was found to be.
-        places: names of the places that matter.
-        mass: mass of the heaviest box, kg.
+        loads: the places that matter, and the mass of the heaviest box there, kg.
 
     Returns:
         None where it works with no settings at any place.
@@ -93,7 +92,7 @@ def rehearsed_anew(plan: StationPlan, arm: ArmParameters, places: Sequence[str],
         check_model(arm)
     except ParameterError:
         return None
-    return _rehearsed_anew(_known_of(plan), arm, tuple(places), mass)
+    return _rehearsed_anew(_known_of(plan), arm, loads)
 
 
 def _known_of(plan: StationPlan) -> StationPlan:
@@ -116,14 +115,14 @@ def _rehearsed(plan: StationPlan) -> WorkTimes:
 
 
 @lru_cache(maxsize=256)
-def _rehearsed_anew(plan: StationPlan, arm: ArmParameters, places: tuple[str, ...], mass: float) -> Rehearsed | None:
+def _rehearsed_anew(plan: StationPlan, arm: ArmParameters, loads: tuple[Load, ...]) -> Rehearsed | None:
     usual, best = believed_settings(plan), None
     for slower in SLOWER:
         settings = ArmSettings(slower * usual.control.target_time, arm)
-        times = times_of({place: _followed(plan, settings, place, mass) for place in places})
+        times = times_of({place: _followed(plan, settings, place, mass) for place, mass in loads})
         if times is not None and (best is None or len(times.carry) > len(best.times.carry)):
             best = Rehearsed(settings, times)
-        if times is not None and len(times.carry) == len(places):
+        if times is not None and len(times.carry) == len(loads):
             break
     return best
 

@@ -128,6 +128,7 @@ class Reorganisation:
         Raises:
             ParameterError: there is no such operation, the stations cannot do it, or nothing is changed.
         """
+        changes = self._line.whole(changes)
         for name in changes:
             if name not in self.assignment:
                 raise ParameterError(f"operation {name}: expected {choices(list(self.assignment))}")
@@ -144,13 +145,11 @@ class Reorganisation:
             ParameterError: one cannot; the message says which and why.
         """
         self._line.check_assignment(assignment)
-        for operation in self._line.operations:
-            station = assignment[operation.name]
+        for job in self._line.jobs:
+            station = assignment[job.name]
             able = self._zones[self._line.zone_of(station)].capability(station)
-            if operation.place not in able.places:
-                raise ParameterError(
-                    f"assignment.{operation.name}: {station} can do {able.ability} there now: {able.why}"
-                )
+            if not able.holds(job.load):
+                raise ParameterError(f"assignment.{job.name}: {station} can do {able.ability} there now: {able.why}")
 
     def set_up(self, changes: Assignment, who: str, why: str) -> FlowEffect:
         """Sets stations up as somebody asks, if they can do it and the zones take it.
@@ -196,8 +195,8 @@ class Reorganisation:
 
     def _able(self, zone: Zone, share: Assignment) -> bool:
         """Whether the arms of a zone can do its share of the operations now."""
-        places = {operation.name: operation.place for operation in self._line.operations}
-        return all(places[name] in zone.capability(station).places for name, station in share.items())
+        loads = {job.name: job.load for job in self._line.jobs}
+        return all(zone.capability(station).holds(loads[name]) for name, station in share.items())
 
     def _whole(self, flows: list[float]) -> float:
         return min([3600.0 / self._line.source.every, *(flow for flow in flows if flow)])

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from dtwin.line.control import Control, OneResource
-from dtwin.line.line import CYCLE, Assignment, Line
+from dtwin.line.line import CYCLE, Assignment, Job, Line
 from dtwin.line.plant import Plant
 from dtwin.line.station import Station, TimedStation, WorkTimes
 from dtwin.line.twins.node import Capability, Node
@@ -68,19 +68,33 @@ class ZoneTwin:
         return self._nodes[station].capability
 
     def assignments(self, operations: tuple[str, ...]) -> list[dict[str, str]]:
-        """All ways in which the stations, as they are now, can do some operations."""
+        """All ways in which the stations, as they are now, can do some operations.
+
+        An operation is shared only where an arm can hold no more than its lighter boxes: it gets these, and another
+        station the heavier ones.
+        """
         return [
-            dict(zip(operations, names, strict=True))
-            for names in itertools.product(*(self.able(operation) for operation in operations))
+            {name: station for part in parts for name, station in part.items()}
+            for parts in itertools.product(*(self._ways(operation) for operation in operations))
         ]
 
-    def able(self, operation: str) -> list[str]:
-        """The stations that can do an operation now: they are set up for it, and the arm can hold a box there."""
-        place = next(o.place for o in self._line.operations if o.name == operation)
+    def _ways(self, operation: str) -> list[dict[str, str]]:
+        """All ways in which the stations can do an operation now: the station of each of its jobs."""
+        jobs = [job for job in self._line.jobs if job.operation == operation]
+        able = [self.able(job) for job in jobs]
+        ways = [dict.fromkeys((job.name for job in jobs), station) for station in able[0]]
+        for first in range(1, len(jobs)):  # from this class on boxes are light enough
+            for weak in [station for station in able[first] if station not in able[first - 1]]:
+                light = dict.fromkeys((job.name for job in jobs[first:]), weak)
+                ways += [dict.fromkeys((job.name for job in jobs[:first]), station) | light for station in able[0]]
+        return ways
+
+    def able(self, job: Job) -> list[str]:
+        """The stations that can do a job now: they are set up for it, and the arm can hold its boxes there."""
         return [
             name
             for name, node in self._nodes.items()
-            if operation in node.plan.operations and place in node.capability.places
+            if job.operation in node.plan.operations and node.capability.holds(job.load)
         ]
 
     def best(self, operations: tuple[str, ...], now: Assignment) -> Flow | None:
@@ -116,9 +130,10 @@ def _in_cycles(times: WorkTimes) -> tuple[int, ...]:
 def zone_alone(line: Line, number: int, assignment: Assignment) -> Line:
     """A zone as a line of its own, with the operations that it does, one at least."""
     zone = line.zones[number]
-    operations = tuple(operation for operation in line.operations if operation.name in assignment)
+    done = {job.operation for job in line.jobs if job.name in assignment}
+    operations = tuple(operation for operation in line.operations if operation.name in done)
     stations = tuple(
-        replace(station, operations=tuple(name for name in station.operations if name in assignment))
+        replace(station, operations=tuple(name for name in station.operations if name in done))
         for station in zone.stations
     )
     source = replace(line.source, node=line.entry(number), every=_AT_ONCE)
@@ -138,7 +153,8 @@ def simulated(
         warm_up: time before it, s.
     """
     stations: dict[str, Station] = {station.name: TimedStation(times[station.name]) for station in line.stations}
-    plant, control = Plant(line, stations), Control(line, OneResource(line))
+    others = replace(line, seed=line.seed + 1)  # which boxes will come is not known
+    plant, control = Plant(others, stations), Control(line, OneResource(line))
     control.set_up(line.assignment)
     for _ in range(round((warm_up + horizon) / CYCLE)):
         plant.advance()

@@ -60,10 +60,11 @@ export function makeLine() {
       ["Entered, inside, left", `${line.entered}, ${line.inside}, ${line.left}`],
       ["Lost, touches, late", `${line.lost}, ${line.collisions}, ${line.late}`],
     ]));
-    rebuild(setUp, [line.set_up, line.version, line.twins, expected], () => [
+    rebuild(setUp, [line.set_up, line.version, line.twins, expected, store.state.line.lost], () => [
       `Set-up ${line.version} in force: `,
       ...Object.entries(line.set_up).flatMap(([operation, at], k) => [k ? " → " : "", `${operation} at `, stationLink(at)]),
       `; the twins ${MODES[line.twins] ?? line.twins}`,
+      store.state.line.lost ? el("span", { class: "tag severe" }, `▲ ${store.state.line.lost}`) : null,
       expected?.difference.length ? `. Best there is: ${number(expected.rate, 1)} boxes/h, ${expected.difference.join("; ")}` : null,
     ].filter((each) => each != null).map((each) => (each.nodeType ? each : document.createTextNode(each))));
     rebuild(decisions, line.decisions, () => table("Plant time, newest first", ["s", "Who", "What", "Why"], decisionRows(line.decisions), { numeric: [0], empty: "Nothing was decided yet." }));

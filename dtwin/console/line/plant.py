@@ -1,0 +1,52 @@
+"""What the plant of a line tells while the twin of the line is silent."""
+
+from __future__ import annotations
+
+import msgspec
+
+from dtwin.bus.line.messages import LineState, StationSeen
+from dtwin.bus.line.plant import PlantState, StationReading
+
+
+def as_plant_tells(known: LineState, plant: PlantState) -> LineState:
+    """How a line does: what sensors and blocks tell now, and what twins have told last of what arms can do.
+
+    Args:
+        known: what the twin of the line has told last.
+        plant: what its plant tells.
+    """
+    now = {reading.name: reading for reading in plant.stations}
+    return msgspec.structs.replace(
+        known,
+        time=plant.time,
+        version=plant.version,
+        set_up=plant.set_up,
+        entered=plant.entered,
+        inside=plant.inside,
+        left=plant.left,
+        lost=plant.lost,
+        collisions=plant.collisions,
+        rate=plant.rate,
+        stations=tuple(_station(each, now[each.name]) if each.name in now else each for each in known.stations),
+        vehicles=plant.vehicles,
+        late=plant.late,
+        zones=plant.zones,
+        outside=plant.outside,
+    )
+
+
+def _station(known: StationSeen, reading: StationReading) -> StationSeen:
+    doing = "stopped" if reading.stop else "works" if reading.arm else "blocked" if reading.blocked else "waits"
+    return msgspec.structs.replace(
+        known,
+        doing=doing,
+        why=reading.why or known.why,
+        box=reading.worked or reading.waiting or reading.finished,
+        waiting=reading.waiting,
+        worked=reading.worked,
+        finished=reading.finished,
+        availability=reading.availability,
+        performance=reading.performance,
+        quality=reading.quality,
+        target_time=0.0 if reading.settings is None else reading.settings.target_time,
+    )
