@@ -15,7 +15,7 @@ from rich.table import Table
 from dtwin.arm.model import ArmModel
 from dtwin.commands.frame import JsonOption, at_least
 from dtwin.emulation.chain.machine import NOMINAL
-from dtwin.emulation.chain.raw import raw_chain_ticks
+from dtwin.emulation.chain.steps.raw import raw_chain_ticks
 from dtwin.equations.native import NativeChain
 from dtwin.run.arm_cell import ArmCell
 from dtwin.run.chain import ChainSettings, run

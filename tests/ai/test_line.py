@@ -114,9 +114,8 @@ def _quick() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(zone, "simulated", flow)
         patch.setattr(node, "rehearsed", lambda plan: WorkTimes(0.0, {}, {}))
-        patch.setattr(
-            node.NodeTwin, "watch", lambda self, log, arm, stopped, settings: []
-        )  # The blocks stop an arm without a monitor.
+        # The blocks stop an arm without a monitor.
+        patch.setattr(node.NodeTwin, "watch", lambda self, *seen, **more: [])
         yield
 
 

@@ -48,7 +48,8 @@ def kind(info: Any) -> str:
     if type(info) in simple:
         return simple[type(info)]
     if isinstance(info, msgspec.inspect.TupleType):
-        return f"{len(info.item_types)} x {kind(info.item_types[0])}"
+        kinds = [kind(item) for item in info.item_types]
+        return f"{len(kinds)} x {kinds[0]}" if len(set(kinds)) == 1 else f"({', '.join(kinds)})"
     if isinstance(info, msgspec.inspect.VarTupleType):
         return f"list of {kind(info.item_type)}"
     if isinstance(info, msgspec.inspect.DictType):

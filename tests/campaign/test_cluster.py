@@ -9,6 +9,7 @@ import socket
 import subprocess
 import sys
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -93,7 +94,8 @@ def test_a_campaign_can_be_run_from_a_notebook(scheduler: str) -> None:
     async def cell() -> list[float]:
         return spread(invert, [2, 4], Workforce(scheduler=scheduler))
 
-    assert asyncio.run(cell()) == [0.5, 0.25]
+    with ThreadPoolExecutor(1) as own:  # in a thread without a loop, which pages of a browser leave in this one
+        assert own.submit(asyncio.run, cell()).result() == [0.5, 0.25]
 
 
 def test_a_worker_with_other_versions_is_refused(scheduler: str, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -17,6 +17,7 @@ from dtwin.errors import CommunicationError, DtwinError, FunctionBlockError, Par
 from dtwin.parameters import PERIOD, PICKUP, ArmParameters, Gains
 from dtwin.run.cell import Cell
 from dtwin.run.settings import CellSettings
+from iec61499.native import build
 from iec61499.native.resource import NativeResource
 from iec61499.runtime.resource import Resource
 from tests.support.iec61499.c_harness import needs_compiler
@@ -116,6 +117,7 @@ def test_an_unknown_runtime_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_without_a_compiler_the_blocks_run_in_python(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("iec61499.native.build.compilers", lambda: iter(()))
+    monkeypatch.setattr(build, "_machine_code", build._machine_code.__wrapped__)  # nothing was made in this process
     monkeypatch.delenv(VARIABLE, raising=False)
     assert isinstance(MotionController().resource, Resource)
     with chosen("native"), pytest.raises(DtwinError, match="ziglang"):

@@ -242,7 +242,10 @@ def test_the_command_writes_what_was_asked_for(tmp_path: Path, capsys: pytest.Ca
         (["twin", "--arm", "planar-2r", "--model", "x"], "--model: has no meaning for another arm than the thesis's"),
         (["twin", "--machine", "7"], "--machine: expected --arm with another arm than the thesis's"),
         (["cell", "--poses", "p.toml"], "--poses: expected --arm with another arm than the thesis's"),
-        (["twin", "--arm", "planar-2r", "--machine", "x"], "machine 'x': expected ideal, nominal, or a number"),
+        (
+            ["twin", "--arm", "planar-2r", "--machine", "x"],
+            "machine 'x': expected ideal, nominal, a number up to 1000000000",
+        ),
         (["controller", "--arm", "nobody"], "nobody"),
     ],
 )

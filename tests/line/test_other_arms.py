@@ -190,7 +190,7 @@ def test_work_moves_away_from_another_arm_that_fails_and_comes_back(line: Line) 
         (CELL, SORT.replace("-0.3, 0.0", "-0.9, 0.0"), "", r"red: arm planar-2r: the tool does not reach"),
         (CELL.replace("planar-2r", "planar-9r"), SORT, "", "planar-9r"),
         (CELL, SORT, 'faults = ["K7*=0.1@30"]\n', r"expected a joint from 1 to 2, got 7"),
-        (CELL, SORT, 'machine = "coulomb"\n', r"expected ideal, nominal, or a number"),
+        (CELL, SORT, 'machine = "coulomb"\n', r"expected ideal, nominal, a number up to 1000000000"),
     ],
 )
 def test_a_cell_that_cannot_be_a_station_is_refused(

@@ -160,7 +160,10 @@ def test_a_signal_ends_a_cell_that_finds_no_router(desk: Desk, tmp_path: Path, n
         (["--noise", "-1"], "noise: expected a finite magnitude"),
         (["--step", "0.003"], "step"),
         (["--arm", "six-axis", "--noise", "0.01"], "--noise: has no meaning for another arm than the thesis's"),
-        (["--arm", "six-axis", "--machine", "old"], "machine 'old': expected ideal, nominal, or a number"),
+        (
+            ["--arm", "six-axis", "--machine", "old"],
+            "machine 'old': expected ideal, nominal, a number up to 1000000000",
+        ),
         (["--arm", "missing.urdf"], "missing.urdf: cannot be read"),
         (["--late", "1"], "expected --arm with another arm"),
     ],

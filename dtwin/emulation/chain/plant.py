@@ -13,7 +13,7 @@ from dtwin.arm.chain import Array
 from dtwin.emulation.chain.faults import ChainFault
 from dtwin.emulation.chain.machine import Machine
 from dtwin.emulation.chain.model import LOAD, Gears, build
-from dtwin.emulation.chain.stepping import Stepping
+from dtwin.emulation.chain.steps.stepping import Stepping
 from dtwin.emulation.stepping import STEP
 from dtwin.errors import DivergenceError
 

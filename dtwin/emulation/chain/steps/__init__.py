@@ -1,0 +1,1 @@
+"""Steps of an emulated serial arm without Python in between."""
