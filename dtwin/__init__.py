@@ -8,7 +8,9 @@ import os
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from dtwin.api.arms import optimise_arm as optimise_arm
     from dtwin.api.arms import run_arm as run_arm
+    from dtwin.api.arms import simulate_arm as simulate_arm
     from dtwin.api.cell import Cell as Cell
     from dtwin.api.identification import Identified as Identified
     from dtwin.api.identification import identify as identify
@@ -46,6 +48,8 @@ _MODULES = {
     "identify": "api.identification",
     "Identified": "api.identification",
     "run_arm": "api.arms",
+    "simulate_arm": "api.arms",
+    "optimise_arm": "api.arms",
     "identify_chain": "api.measurements",
     "read_arm": "api.measurements",
     "read_log": "api.measurements",

@@ -1,12 +1,23 @@
-"""Any serial arm under its function blocks, from Python."""
+"""Any serial arm under its function blocks, in the emulation and on its twin, from Python."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Final
 
 from dtwin.api.arguments import AnyPath, checked
+from dtwin.arm.model import ArmModel
+from dtwin.campaign.spread import Workforce
 from dtwin.run.arm_cell import ArmCell
 from dtwin.run.chain import ChainRun, run
+from dtwin.simulation.chain import optimise as search
+from dtwin.simulation.chain.simulator import ArmSimulator
+from dtwin.simulation.chain.whatif import ArmChange, ArmOutcome
+
+_LIMITS: Final = search.ArmLimits()
+_ROUND: Final = 60.0
+"""Length of the run that a cell is read for, s; a search goes once through its poses, however long that takes."""
 
 
 @checked
@@ -40,6 +51,114 @@ def run_arm(
     Raises:
         DtwinError: a file cannot be used, a value is out of range, or the tool does not reach a point.
     """
-    files = [None if each is None else Path(each) for each in (poses, path, sort)]
-    cell = ArmCell(arm=str(arm), machine=machine, poses=files[0], path=files[1], sort=files[2], late=late)
+    cell = ArmCell(arm=str(arm), machine=machine, poses=_file(poses), path=_file(path), sort=_file(sort), late=late)
     return run(cell.settings(seconds, seed))
+
+
+@checked
+def simulate_arm(
+    arm: AnyPath,
+    seconds: float = 8.0,
+    *,
+    pole: float | None = None,
+    observer: float | None = None,
+    speed: float | None = None,
+    payload: float = 0.0,
+    poses: AnyPath | None = None,
+    path: AnyPath | None = None,
+    sort: AnyPath | None = None,
+    seed: int = 0,
+    late: int = 0,
+) -> ArmOutcome:
+    """Lets the twin of an arm do its work under its function blocks, with other settings, from its first pose on.
+
+    Args:
+        arm: a name of arms/, an arm's file (*.toml) or a model (*.urdf, *.xml).
+        seconds: plant time, s.
+        pole: triple pole of the errors of every joint, rad/s; None for the usual one.
+        observer: double pole of the observers, rad/s; None for the usual one.
+        speed: speeds of paths in parts of the data sheet's, whose square their accelerations follow; None for 1.
+        payload: mass on the tool that the blocks do not know of, kg.
+        poses: TOML file of the poses that the arm takes.
+        path: CSV file of a path that it follows.
+        sort: TOML file of a sorting task; without any of the three it goes through poses that are drawn by the seed.
+        seed: number of the generator of poses.
+        late: ticks from a command until it acts.
+
+    Returns:
+        The work: t (N,), q, target, error and command (N, n), the last in parts of what the drives take, saturated
+        (n,), s, stop and reached.
+
+    Raises:
+        DtwinError: a file cannot be used, a value is out of range, or the motion is not finite.
+    """
+    cell = ArmCell(arm=str(arm), poses=_file(poses), path=_file(path), sort=_file(sort), late=late)
+    settings = cell.settings(seconds, seed)
+    twin = ArmSimulator(settings, ArmModel.of(settings.arm))
+    return twin.run(settings.poses.positions[0], ArmChange(pole, observer, speed, payload), seconds)
+
+
+@checked
+def optimise_arm(
+    arm: AnyPath,
+    *,
+    cost: Mapping[str, float] | None = None,
+    arms: int = 2,
+    box: tuple[float, float] | None = None,
+    saturated: float = _LIMITS.saturated,
+    tracking: float = _LIMITS.tracking,
+    candidates: int = 1000,
+    workers: int | None = 1,
+    scheduler: str | None = None,
+    poses: AnyPath | None = None,
+    path: AnyPath | None = None,
+    sort: AnyPath | None = None,
+    late: int = 0,
+    seed: int = 0,
+    between: Callable[[int, float], None] = lambda done, best: None,
+) -> search.ArmOptimum:
+    """Searches pole, observer and speed of paths of least cost on the twin, as `dtwin optimise --arm` does.
+
+    Args:
+        arm: a name of arms/, an arm's file (*.toml) or a model (*.urdf, *.xml).
+        cost: weights of the terms of the cost: time, tracking, energy and command; None for `{"time": 1.0}`.
+        arms: number of machines, drawn from the tolerances, that must keep the limits too.
+        box: least and largest mass on the tool that the blocks do not know of, kg; None for none.
+        saturated: largest share of the samples with a drive at its limit.
+        tracking: largest distance of a joint from its path, rad or m.
+        candidates: number of settings to judge.
+        workers: number of processes that share the work; None for one for each core, which a script must guard by
+            `if __name__ == "__main__"`.
+        scheduler: address of a Dask scheduler whose workers share the work instead, such as `"tcp://127.0.0.1:8786"`.
+        poses: TOML file of the poses that the arm takes.
+        path: CSV file of a path that it follows.
+        sort: TOML file of a sorting task; without any of the three it goes through poses that are drawn by the seed.
+        late: ticks from a command until it acts.
+        seed: number of the generators of poses, machines and candidates.
+        between: called after every generation with the number of candidates judged and the least cost.
+
+    Returns:
+        The search: best and reference with pole, observer, speed, terms and cost, and the scores of all candidates.
+
+    Raises:
+        DtwinError: a file cannot be used, a value is out of range, or the settings in use cannot be compared with.
+    """
+    cell = ArmCell(arm=str(arm), poses=_file(poses), path=_file(path), sort=_file(sort), late=late)
+    objective = search.ArmObjective(
+        cell.settings(_ROUND, seed),
+        dict(cost or {"time": 1.0}),
+        search.ArmLimits(saturated=saturated, tracking=tracking),
+        tuple(range(seed + 1, seed + 1 + arms)),
+        (0.0,) if box is None else tuple(dict.fromkeys(sorted(box))),
+    )
+    return search.optimise_arm(
+        objective,
+        candidates=candidates,
+        workforce=Workforce(workers if scheduler is None else None, scheduler),
+        seed=seed,
+        between=between,
+    )
+
+
+def _file(path: AnyPath | None) -> Path | None:
+    return None if path is None else Path(path)
