@@ -7,14 +7,14 @@ from pathlib import Path
 from typing import Final
 
 from dtwin.emulation.chain.arms import arm_of
-from dtwin.errors import ParameterError
+from dtwin.errors import ParameterError, RecordingError
 from dtwin.monitoring.chain.finding import hidden_in_words
-from dtwin.monitoring.chain.sequential import watched
+from dtwin.monitoring.chain.sequential import doubt, watched
 from dtwin.run.arm_log import read_arm_log
 from dtwin.terminal import print_json, printable
 
-LEAST_HEALTHY: Final = 10.0
-"""Shortest time in which an arm is learned, s."""
+LEAST_HEALTHY: Final = 20.0
+"""Shortest time in which an arm is learned, s: the longest window over which evidence is gathered passes twice."""
 
 
 def monitor_arm(log: Path, arm: str, healthy: float, json: bool) -> int:
@@ -28,13 +28,20 @@ def monitor_arm(log: Path, arm: str, healthy: float, json: bool) -> int:
 
     Raises:
         ParameterError: the healthy stretch is too short.
-        DtwinError: arm or log cannot be read, or the log is too short.
+        RecordingError: the log is too short, or what the arm does in the healthy stretch does not suffice to know it.
+        DtwinError: arm or log cannot be read.
     """
     if not LEAST_HEALTHY <= healthy < math.inf:
         raise ParameterError(f"--healthy: expected at least {LEAST_HEALTHY:g} s, got {healthy:g}")
     known = arm_of(arm)
     rows = read_arm_log(log, known)
     watch = watched(known, rows.t, rows.q, rows.target, rows.effort, healthy)
+    unsure = doubt(known, rows.t, rows.q, rows.target, rows.effort, healthy)
+    if unsure is not None:
+        raise RecordingError(
+            f"{log}: the first {healthy:g} s do not suffice to know the arm: who knows half of them would tell "
+            f"{unsure.text(known)}; expected a longer --healthy, without a fault and with all of the arm's work"
+        )
     found, hidden = watch.finding, watch.hidden()
     if json:
         finding = None

@@ -37,6 +37,9 @@ LOST: Final = 0.6
 """Part of a drive's torque from which a joint may as well be locked."""
 SIZES: Final = {"K": 0.05, "friction": 0.3, "bias": 0.003}
 """Least sizes that are told; of a load and a push they follow from the arm."""
+MOST: Final = {"K": 1.0, "bias": 1.0}
+"""Sizes beyond which there is no such cause: a drive loses all of its torque at most, and what an encoder that is off
+changes is not proportional any more. Only a smaller one can be told as what samples would have shown."""
 SURE: Final = 0.05
 """Probability beside the most probable cause above which another one is named with it."""
 ALIKE: Final = 0.9
@@ -188,7 +191,8 @@ class Drives:
         for window, bound in self._bounds:
             power = np.einsum("njc,njc->c", self._columns[-window:], self._columns[-window:])
             found = np.minimum(found, np.sqrt(bound / np.maximum(power, _NOTHING)))
-        sizes = np.where(found < _UNSEEN, np.maximum(found, self._least), np.inf)
+        most = np.array([MOST.get(name.rstrip("0123456789"), _UNSEEN) for name in self._names])
+        sizes = np.where(found < most, np.maximum(found, self._least), np.inf)
         return dict(zip(self._names, sizes.tolist(), strict=True))
 
     @property

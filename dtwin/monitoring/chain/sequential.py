@@ -211,3 +211,26 @@ def watched(arm: Arm, t: Array, q: Array, target: Array, effort: Array, healthy:
             break
     watch.end()
     return watch
+
+
+def doubt(
+    arm: Arm, t: Array, q: Array, target: Array, effort: Array, healthy: float = HEALTHY
+) -> ChainFinding | None:
+    """What in a healthy stretch would be told as a fault by who knows only its first half; None if nothing would.
+
+    Where something would, the rest of the log may be as new beside the whole stretch as its second half is beside the
+    first one (hold-out validation).
+
+    Args:
+        arm: the arm as its data sheet says.
+        t: times of the samples, (N,), s, a period of the arm apart.
+        q: what the encoders read, (N, n), rad or m.
+        target: desired positions, (N, n).
+        effort: what acts at the samples, (N, n), in the units of the drives.
+        healthy: time from the beginning in which the arm is healthy, s.
+
+    Raises:
+        RecordingError: the stretch is too short for a half of it to be learned.
+    """
+    known = slice(0, int(np.searchsorted(t, t[0] + healthy)) if len(t) else 0)
+    return first_fault(arm, t[known], q[known], target[known], effort[known], 0.5 * healthy)

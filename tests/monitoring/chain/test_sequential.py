@@ -11,7 +11,7 @@ from dtwin.emulation.chain.faults import parse_chain_fault
 from dtwin.errors import FaultError, RecordingError
 from dtwin.monitoring.chain.finding import ChainFinding
 from dtwin.monitoring.chain.monitor import SHOWN, ArmMonitor
-from dtwin.monitoring.chain.sequential import FirstFault, first_fault
+from dtwin.monitoring.chain.sequential import FirstFault, first_fault, watched
 from dtwin.run.arm_cell import ArmCell
 from dtwin.run.chain import ChainSettings, run
 
@@ -138,9 +138,33 @@ def test_the_command_tells_the_fault_of_a_run(tmp_path: Path, capsys: pytest.Cap
     assert main(["monitor", log, *arm, "--healthy", "30"]) == 1
     assert "drive of shoulder: part of its torque lost, about 0." in capsys.readouterr().out
     assert main(["monitor", log, *arm, "--healthy", "1"]) == 2
-    assert "--healthy: expected at least 10 s, got 1" in capsys.readouterr().err
+    assert "--healthy: expected at least 20 s, got 1" in capsys.readouterr().err
     assert main(["monitor", log, *arm, "--method", "thesis"]) == 2
     assert "--method: has no meaning here" in capsys.readouterr().err
+
+
+def test_a_healthy_stretch_too_short_for_the_work_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The wrist of this arm begins to turn after half of that time: what it needs is not known before."""
+    log, arm = str(tmp_path / "run.parquet"), ("--arm", "six-axis")
+    assert main(["run", *arm, "--machine", "2413", "--seed", "13", "--duration", "34", "--log", log]) == 0
+    capsys.readouterr()
+    assert main(["monitor", log, *arm, "--healthy", "20"]) == 2
+    said = capsys.readouterr().err
+    assert "the first 20 s do not suffice to know the arm: who knows half of them would tell 10.00 s: push on" in said
+    assert "expected a longer --healthy" in said
+    assert said.count("\n") == 1
+    assert main(["monitor", log, *arm, "--healthy", "30"]) == 0
+    assert "nothing is wrong" in capsys.readouterr().out
+
+
+def test_what_no_encoder_can_be_off_by_is_not_told_as_what_would_have_been_seen() -> None:
+    settings = ArmCell(arm="six-axis").settings(28.0, 3)
+    ran = run(settings)
+    hidden = watched(settings.arm, ran.t, ran.q, ran.target, ran.effort, 25.0).hidden()
+    assert hidden["bias6"] == np.inf
+    assert 0.0 < hidden["bias5"] < 1.0
 
 
 @pytest.mark.parametrize(
