@@ -6,8 +6,11 @@ Only the chosen subcommand's module is imported, so that `dtwin --help` and shor
 from __future__ import annotations
 
 import os
+import signal
 import sys
-from collections.abc import Sequence
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from difflib import get_close_matches
 from typing import Any, Final
 
@@ -17,23 +20,36 @@ from dtwin.errors import DtwinError, choices
 from dtwin.files import NO_SPACE, reason_of
 from dtwin.terminal import printable
 
+INTERRUPTED: Final = 128 + signal.SIGINT
+TERMINATED: Final = 128 + signal.SIGTERM
 DESCRIPTION: Final = "A digital twin of a box-sorting arm controlled by IEC 61499 function blocks."
 
 
+class _Terminated(KeyboardInterrupt):
+    """A polite kill."""
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Runs one command line; returns the exit status (0 done, 1 a check failed, 2 bad input, 130 interrupted)."""
+    """Runs one command line; returns the exit status.
+
+    That is 0 when done, 1 when a check failed, 2 for bad input, 130 when interrupted, 143 when asked to end.
+    """
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     _open_standard_streams()
     try:
-        status = _dispatch(arguments)
+        with _ended_cleanly():
+            status = _dispatch(arguments)
         sys.stdout.flush()
         return status
     except DtwinError as error:
         print(f"dtwin: {printable(str(error))}", file=sys.stderr)
         return 2
-    except KeyboardInterrupt:
-        print("dtwin: interrupted", file=sys.stderr)
-        return 130
+    except KeyboardInterrupt as error:
+        return _interrupted(error)
+    except ImportError as error:
+        if (interruption := _interruption(error)) is None:
+            raise
+        return _interrupted(interruption)
     except BrokenPipeError:
         _discard_output()  # Its reader has gone.
         return 141
@@ -43,6 +59,45 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _discard_output()
         print(f"dtwin: {error.filename or 'standard output'}: cannot be written: {reason_of(error)}", file=sys.stderr)
         return 2
+
+
+@contextmanager
+def _ended_cleanly() -> Iterator[None]:
+    """Lets Ctrl-C and a polite kill end what is inside, with its workers, so that no process is left.
+
+    A second one ends it at once. Whoever has set another handler, such as for services, keeps it.
+    """
+    usual: dict[int, Any] = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
+    main_thread = threading.current_thread() is threading.main_thread()
+    ours = [number for number, handler in usual.items() if main_thread and signal.getsignal(number) == handler]
+
+    def end(number: int, frame: object) -> None:
+        signal.signal(number, usual[number])
+        if "multiprocessing" in sys.modules:  # Only a terminal tells workers, too.
+            for worker in sys.modules["multiprocessing"].active_children():
+                worker.terminate()
+        raise _Terminated if number == signal.SIGTERM else KeyboardInterrupt
+
+    for number in ours:
+        signal.signal(number, end)
+    try:
+        yield
+    finally:
+        for number in ours:
+            signal.signal(number, usual[number])
+
+
+def _interruption(error: BaseException | None) -> KeyboardInterrupt | None:
+    """The interruption that led to an error: a C library while it is loaded makes another one of it."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error
+
+
+def _interrupted(error: KeyboardInterrupt) -> int:
+    terminated = isinstance(error, _Terminated)
+    print("dtwin: asked to end" if terminated else "dtwin: interrupted", file=sys.stderr)
+    return TERMINATED if terminated else INTERRUPTED
 
 
 def _open_standard_streams() -> None:

@@ -208,6 +208,40 @@ def test_interrupt_keeps_what_was_recorded(tmp_path: Path) -> None:
     assert sorted(path.name for path in tmp_path.iterdir()) == ["run.parquet", "run.rrd"]
 
 
+@pytest.mark.parametrize("loading", [False, True])
+@pytest.mark.parametrize(
+    ("number", "status", "said"), [(signal.SIGTERM, 143, "asked to end"), (signal.SIGINT, 130, "interrupted")]
+)
+def test_a_command_that_is_asked_to_end_clears_away_and_says_so_in_one_line(
+    number: signal.Signals,
+    status: int,
+    said: str,
+    loading: bool,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Also while a library is loaded that makes an error of its own of that."""
+    cleared = []
+
+    def killed(command: object) -> int:
+        try:
+            os.kill(os.getpid(), number)
+        except KeyboardInterrupt as error:
+            if loading:
+                raise ImportError("initialization failed") from error
+            raise
+        finally:
+            cleared.append(command)
+        return 0
+
+    monkeypatch.setattr("dtwin.cli._executed", killed)
+    before = [signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM)]
+    assert main(["validate"]) == status
+    assert capsys.readouterr().err == f"dtwin: {said}\n"
+    assert len(cleared) == 1
+    assert [signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM)] == before
+
+
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full, which Linux has")
 @pytest.mark.parametrize("arguments", [("--help",), ("run", "--duration", "1", "--json")])
 def test_output_that_cannot_be_written_gets_one_line(arguments: tuple[str, ...]) -> None:
