@@ -125,6 +125,13 @@ def test_type_and_drawings_grow_with_the_screen(page: Page) -> None:
     assert page.evaluate(f"[{size}, {scale}, {stop}]") == pytest.approx([2.0 * each for each in usual], rel=0.1)
 
 
+def test_on_a_phone_what_is_entered_can_be_read(made_up: MadeUp) -> None:
+    resize(made_up.page, 360, 740)
+    made_up.turn("identification")
+    fields = made_up.page.locator("main .form > input")
+    assert fields.evaluate_all("(nodes) => Math.min(...nodes.map((node) => node.clientWidth))") > 100
+
+
 @pytest.mark.parametrize("width", [820, 1280, 3840])
 def test_no_display_is_wider_than_the_screen(made_up: MadeUp, width: int) -> None:
     resize(made_up.page, width, 720)
