@@ -142,8 +142,6 @@ def test_a_weak_motor_is_found_and_acknowledged(hand: Hand, cell: Desk) -> None:
     page = hand.page
     hand.open("Monitoring")
     until(lambda: cell.tick() > LEARNT, "the monitor knows the arm", 120.0)
-    # The loss of half of a motor is named whenever it comes; that of nine tenths is unknown at one moment in 44.
-    page.get_by_label("Fault", exact=True).fill("K2*=0.5@0")
     hand.press("Inject the fault")
     hand.confirm()
     answered(page, "K2")
