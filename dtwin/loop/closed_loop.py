@@ -162,7 +162,9 @@ class ClosedLoop:
 
     def __init__(self, blocks: BlocksInMemory, drives: Drives) -> None:
         n = len(drives.limit)
-        self._run, self._drives = _library().closed_loop_run, drives
+        self._run, self._late = _library().closed_loop_run, drives.late
+        given = drives.constant, drives.limit, drives.grid
+        self._drives = [np.ascontiguousarray(each, dtype=np.float64) for each in given]
         self._desired = np.array(blocks.desired, dtype=np.uintp)
         self._request, self._answer = np.zeros(n + 1), np.zeros(n + 1)
         places = (each.ctypes.data for each in (self._request, self._answer, self._desired))
@@ -177,15 +179,14 @@ class ClosedLoop:
             course: how long it goes on.
             noise: what the encoders add, (N, n), rad or m; None for nothing.
         """
-        n, drives, ticks = len(plant.q), self._drives, course.ticks
+        n, ticks = len(plant.q), course.ticks
         held = np.vstack([waiting, np.zeros((1, n))])
         rows, poses = np.zeros((4, ticks, n)), np.zeros(ticks, dtype=np.int32)
         self._request.view(np.int32)[2 * n] = course.box
-        given = (each.ctypes.data for each in (plant.q, drives.constant, drives.limit, drives.grid, held))
-        arm = _Arm(n, drives.late, *given, plant.move, plant.plant)
-        columns = (*rows, poses) if noise is None else (noise, *rows, poses)
-        places = [each.ctypes.data for each in columns]
-        kept = _Rows(*places) if noise is not None else _Rows(None, *places)
+        given = (each.ctypes.data for each in (plant.q, *self._drives, held))
+        arm = _Arm(n, self._late, *given, plant.move, plant.plant)
+        places = (each.ctypes.data for each in (*rows, poses))
+        kept = _Rows(None if noise is None else noise.ctypes.data, *places)
         gripper = -1 if course.gripper is None else course.gripper
         how = _Course(ticks, course.rest, gripper, FINE)
         done = self._run(*map(ctypes.byref, (self._blocks, arm, kept, how)))

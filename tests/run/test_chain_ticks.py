@@ -8,21 +8,13 @@ import pytest
 
 from dtwin.arm.model import ArmModel
 from dtwin.controller.runtime import chosen
+from dtwin.errors import NativeError
 from dtwin.run.arm_cell import ArmCell
 from dtwin.run.chain import ChainRun, ChainSettings, run
 from dtwin.run.machine_code.chain import MOST, until
 from dtwin.simulation.chain.simulator import ArmSimulator
 from dtwin.simulation.chain.whatif import ArmChange
-
-SORT = """
-pick = [0.3, 0.0, 0.2]
-height = 0.1
-mass = [0.2, 0.4]
-every = 0.5
-[places]
-blue = [0.0, 0.0, 0.4]
-red = [-0.3, 0.0, 0.1]
-"""
+from tests.run.test_chain_sorting import TASK
 
 
 def same(one: ChainRun, other: ChainRun) -> bool:
@@ -45,13 +37,36 @@ def test_machine_code_leaves_the_rows_of_a_loop_in_python(name: str, machine: st
 
 
 def test_boxes_come_and_go_between_ticks_in_machine_code(tmp_path: Path) -> None:
-    (tmp_path / "sort.toml").write_text(SORT)
+    (tmp_path / "sort.toml").write_text(TASK)
     cell = ArmCell(arm="planar-2r", machine="8", sort=tmp_path / "sort.toml")
     fast, slow = both(cell.settings(20.0))
     assert fast.boxes is not None
     assert fast.boxes.delivered >= 2
     assert fast.boxes == slow.boxes
     assert same(fast, slow)
+
+
+def test_whole_numbers_are_limits_and_constants_as_well() -> None:
+    given = ArmCell(arm="planar-2r", machine="nominal").settings(2.0)
+    joints = tuple(replace(j, actuator=replace(j.actuator, constant=2, limit=3)) for j in given.machine.arm.joints)
+    fast, slow = both(replace(given, machine=replace(given.machine, arm=replace(given.machine.arm, joints=joints))))
+    assert np.ptp(fast.true, axis=0).max() > 0.05
+    assert same(fast, slow)
+
+
+@pytest.mark.parametrize("part", ["dtwin.loop.closed_loop", "dtwin.emulation.chain.steps.stepping"])
+def test_without_a_compiler_for_the_loop_the_rows_are_the_same(part: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The blocks may be kept from a time when there was one."""
+
+    def refuse() -> None:
+        raise NativeError("there is no C compiler")
+
+    given = ArmCell(arm="planar-2r", machine="nominal").settings(2.0)
+    start, model = given.poses.positions[0], ArmModel.of(given.arm)
+    expected, twin = run(given), ArmSimulator(given, model).run(start, ArmChange(), 2.0)
+    monkeypatch.setattr(f"{part}._library", refuse)
+    assert same(run(given), expected)
+    assert np.array_equal(ArmSimulator(given, model).run(start, ArmChange(), 2.0).q, twin.q)
 
 
 def test_a_run_ends_with_its_last_pose() -> None:
@@ -64,8 +79,9 @@ def test_a_run_ends_with_its_last_pose() -> None:
 
 def test_ticks_in_machine_code_end_before_an_event() -> None:
     period = 0.01
-    for event in (0.0, 0.005, 0.01, 0.35, 3.0):
-        assert until(0.0, event, period) * period <= event
+    for event in (0.03, 0.0351, 0.35, 0.9):
+        assert event - 3.0 * period < until(0.0, event, period) * period < event
+    assert [until(0.0, event, period) for event in (0.0, 0.005, 0.01)] == [0, 0, 0]
     assert until(1.0, np.inf, period) == MOST
 
 

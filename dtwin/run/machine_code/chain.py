@@ -6,6 +6,7 @@ The rows have the bits of a loop in Python.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Final
 
 import numpy as np
@@ -22,14 +23,18 @@ MOST: Final = 100
 """Most ticks of one call."""
 
 
-def blocks_in_memory(controller: ChainController, joints: int) -> BlocksInMemory | None:
-    """Where the blocks of an arm are; None where they run in Python."""
+def closed_loop(controller: ChainController, joints: int, drives: Drives) -> ClosedLoop | None:
+    """The loop of an arm's blocks in machine code; None where they run in Python, or it cannot be made."""
     blocks = controller.resource
     if not isinstance(blocks, NativeResource) or blocks.traced:
         return None
     desired = tuple(blocks.offset(f"{joint_name(k)}.PATH.Q_D") for k in range(joints))
     pose, done = (blocks.offset(f"{SEQUENCE}.{name}") for name in ("INDEX", "DONE"))
-    return BlocksInMemory(blocks.function(f"exchange__{ARM}"), blocks.address, desired, pose, done)
+    memory = BlocksInMemory(blocks.function(f"exchange__{ARM}"), blocks.address, desired, pose, done)
+    try:
+        return ClosedLoop(memory, drives)
+    except NativeError:
+        return None
 
 
 class ChainTicks:
@@ -43,13 +48,10 @@ class ChainTicks:
 
     def __init__(self, plant: ChainPlant, controller: ChainController, joints: int) -> None:
         self._plant, self._controller = plant, controller
-        blocks = blocks_in_memory(controller, joints)
-        self._loop: ClosedLoop | None = None
-        if blocks is not None and plant.in_memory() is not None:
-            try:
-                self._loop = ClosedLoop(blocks, Drives(*plant.drives, len(plant.waiting())))
-            except NativeError:
-                return  # a loop in Python does the same
+        self._loop = None
+        with suppress(NativeError):  # a loop in Python does the same
+            if plant.in_memory() is not None:
+                self._loop = closed_loop(controller, joints, Drives(*plant.drives, len(plant.waiting())))
 
     def run(self, rows: Array, poses: Array, box: int) -> tuple[int, bool]:
         """Does as many ticks as can be done in machine code.

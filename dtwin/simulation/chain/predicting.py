@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections import deque
 from dataclasses import replace
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -18,6 +19,8 @@ from dtwin.simulation.chain.whatif import ArmChange, loops_of
 
 SPAN: Final = 8.0
 """Time that the twin works, and for which the arm is measured, s."""
+_KEPT: Final = 2
+"""Settings of which the twin is kept: those in force, and those asked about last."""
 
 
 class Predicting:
@@ -35,6 +38,7 @@ class Predicting:
         self._known = threading.Event()
         self._lock = threading.Lock()
         self._in_force: tuple[ArmSettings, JointOutcome] | None = None
+        self._simulator = lru_cache(_KEPT)(self._prepared)
 
     def receive(self, passed: JointTicks) -> None:
         """Takes ticks that have passed."""
@@ -85,11 +89,16 @@ class Predicting:
                 proposed = self._outcome(wished, where, change)
         return JointPredicted(version, SPAN, now, proposed, self.measured)
 
+    def _tuned(self, base: ArmSettings) -> ChainSettings:
+        return replace(self._settings, control=self._settings.control.tuned(base.tuning))
+
+    def _prepared(self, base: ArmSettings) -> ArmSimulator:
+        return ArmSimulator(self._tuned(base), base.model)
+
     def _outcome(self, base: ArmSettings, where: tuple[float, ...], change: ArmChange) -> JointOutcome:
-        settings = replace(self._settings, control=self._settings.control.tuned(base.tuning))
-        loops = loops_of(settings, base.model, change)
+        loops = loops_of(self._tuned(base), base.model, change)
         try:
-            found = ArmSimulator(settings, base.model).run(np.array(where), change, SPAN)
+            found = self._simulator(base).run(np.array(where), change, SPAN)
         except DivergenceError as error:
             raise ParameterError(f"the twin does not do its work with these settings: {error}") from None
 

@@ -19,9 +19,9 @@ from dtwin.controller.chain.embedded import ChainController
 from dtwin.equations.native import DryFriction, MovingChain, NativeChain
 from dtwin.equations.rigid import usual_inertia
 from dtwin.errors import DivergenceError, ParameterError
-from dtwin.loop.closed_loop import FINE, LOST, ClosedLoop, Course, Drives, PlantInMemory, Ticks
+from dtwin.loop.closed_loop import FINE, LOST, Course, Drives, PlantInMemory, Ticks
 from dtwin.run.chain import ChainSettings
-from dtwin.run.machine_code.chain import blocks_in_memory
+from dtwin.run.machine_code.chain import closed_loop
 from dtwin.simulation.chain.checks import check_model
 from dtwin.simulation.chain.whatif import ArmChange, ArmOutcome, changed
 
@@ -59,8 +59,7 @@ class ArmSimulator:
             settings.late,
         )
         self._twin = lru_cache(_LOADS)(self._carrying)
-        memory = blocks_in_memory(self._blocks, len(known))
-        self._loop = None if memory is None else ClosedLoop(memory, self._drives)
+        self._loop = closed_loop(self._blocks, len(known), self._drives)
 
     def run(self, start: Array, change: ArmChange, duration: float, after: float = np.inf) -> ArmOutcome:
         """Lets the twin work.
