@@ -18,6 +18,8 @@ MOST_OPERATIONS: Final = 8
 """Number of operations that the blocks can be given."""
 MOST_CLASSES: Final = 3
 """Number of classes of mass that the blocks can tell apart."""
+SCALE: Final = 0.005
+"""Step of the scale that weighs boxes where they are told apart, kg."""
 MOST_ZONES: Final = 32
 CYCLE: Final = 0.1
 """Time from one sample of the line to the next, s."""
@@ -112,6 +114,10 @@ class Source:
                 f"source.classes.{self.classes[0].name}: expected {self.heaviest:g} kg at least, the heaviest box,"
                 f" got {self.classes[0].heaviest:g}"
             )
+
+    def weighed(self, mass: float) -> float:
+        """What the scale at the source reads of a box of a mass, kg; no more than its class allows."""
+        return min(round(mass / SCALE) * SCALE, self.classes[self.kind(mass)].heaviest)
 
     def kind(self, mass: float) -> int:
         """Number of the class of a box of a mass, kg: the lightest one that holds it."""

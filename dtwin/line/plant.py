@@ -191,7 +191,7 @@ class Plant:
             state.report = Report(OFFERED, state.report.stop, ())
 
     def load(self, name: str) -> Load | None:
-        """Where the arm of a station shall bring its box, or the one that it is offered, and how heavy it is, kg.
+        """Where the arm of a station shall bring its box, or the one that it is offered, and its weighed mass, kg.
 
         None while it is free, and where nobody tells boxes apart by their masses.
         """
@@ -200,7 +200,7 @@ class Plant:
         if state.report.arm == FREE or not number or not self.line.source.classes:
             return None
         box = self.boxes[number]
-        return self.line.operations[box.done].place, box.mass
+        return self.line.operations[box.done].place, self.line.source.weighed(box.mass)
 
     def in_line(self) -> int:
         """Number of boxes in the line now, wherever they are."""

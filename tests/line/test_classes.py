@@ -52,6 +52,14 @@ def test_an_operation_stands_for_all_its_jobs() -> None:
         LINE.check_assignment({**LINE.assignment, "mark.light": "b1"})
 
 
+def test_twins_know_of_a_box_what_a_scale_reads() -> None:
+    """The mass itself only the emulation knows."""
+    source = LINE.source
+    assert [source.weighed(mass) for mass in (0.1, 0.21)] == pytest.approx([0.1, 0.21])
+    assert source.weighed(0.1526) == pytest.approx(0.155)
+    assert source.weighed(source.classes[0].heaviest - 1e-4) <= source.classes[0].heaviest
+
+
 @pytest.mark.parametrize(
     ("source", "said"),
     [
