@@ -69,8 +69,7 @@ def _filter(period: float) -> Array:
 
     Only windows that are full count, so that samples are filtered alike however many come at once.
     """
-    orders = (savgol_coeffs(WINDOW, 3, order, period, use="dot") for order in range(3))
-    found: Array = np.array(list(orders))
+    found: Array = np.array([savgol_coeffs(WINDOW, 3, order, period, use="dot") for order in range(3)])
     return found
 
 
