@@ -15,7 +15,6 @@ from typing import Final, NamedTuple
 
 import msgspec
 
-from dtwin.errors import ParameterError, choices
 from dtwin.monitoring.candidate import Candidate, Conclusion, is_none
 from dtwin.monitoring.estimation.arrays import Change
 from dtwin.monitoring.estimation.estimator import Estimator
@@ -344,31 +343,21 @@ class Findings:
         for name in self._explained:
             self._explained[name] = 0
 
-    def acknowledge(
-        self, time: float, parameter: str, forecast: Sequence[str], estimator: Estimator
-    ) -> list[FaultId]:
-        """Strikes out the findings, or one: the operator knows.
+    def acknowledge(self, time: float, names: Sequence[str], estimator: Estimator) -> list[FaultId]:
+        """Strikes findings out, and forecasts: the operator knows.
 
         What is seen in the readings themselves, such as an encoder that has stopped, is not reported again until it
         has ended.
 
         Args:
             time: plant time, s.
-            parameter: name of a finding or forecast, "" for all.
-            forecast: names of the parameters that are forecast to reach a limit.
+            names: names of the findings, or of the parameters that are forecast to reach a limit.
             estimator: the arm as believed, which tells the sizes.
 
         Returns:
             what was struck out, whose states are to be taken to be as they are now.
-
-        Raises:
-            ParameterError: nothing of that name is wrong.
         """
-        known = list(dict.fromkeys([*self.current, *forecast]))
-        if parameter and parameter not in known:
-            there = f"expected {choices(known)}" if known else "there is nothing to acknowledge"
-            raise ParameterError(f"no finding {parameter!r}: {there}")
-        accepted = [parse_fault_id(name) for name in ([parameter] if parameter else known)]
+        accepted = [parse_fault_id(name) for name in names]
         for fault in accepted:
             name = str(fault)
             found = self.current.pop(name, None)

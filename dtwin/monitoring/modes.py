@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -24,6 +24,7 @@ from dtwin.monitoring.diagnosis import Diagnosis
 from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.estimation.layout import ARM, W
 from dtwin.monitoring.kinds import FaultId
+from dtwin.monitoring.signatures import SignatureBank
 from dtwin.monitoring.verdict import Finding
 
 LOST: Final = 5
@@ -97,13 +98,43 @@ class Settling:
 
 @dataclass(frozen=True, slots=True)
 class Diagnosing:
-    """Isolates a sudden change; `pending` is the finding so far, None until it is certain that something failed."""
+    """Isolates a sudden change.
+
+    Attributes:
+        diagnosis: the candidates.
+        pending: the finding so far, None until it is certain that something failed.
+        known: name of the finding that an operator has taken to be known, "" for whatever it will come to; None if
+            nobody has.
+    """
 
     diagnosis: Diagnosis
     pending: Finding | None = None
+    known: str | None = None
+
+    @property
+    def news(self) -> Finding | None:
+        """The finding so far unless it is known."""
+        return self.pending if self.known is None else None
+
+    def acknowledged(self, parameter: str) -> Diagnosing:
+        """The mode after an operator has taken a finding to be known, "" for any."""
+        told = self.news is not None and parameter in ("", self.news.parameter)
+        return replace(self, known=parameter) if told else self
+
+    def known_of(self, settled: Iterable[Finding]) -> list[str]:
+        """The names of those of the findings that it has come to that are known already."""
+        return [found.parameter for found in settled if self.known in ("", found.parameter)]
 
 
 Mode = Settling | Watching | Diagnosing | Lost | Unfit
+
+
+def suspected(mode: Mode, bank: SignatureBank, warning: float) -> FaultId | None:
+    """What may be wrong: what is isolated, or what the evidence speaks for most, if that is beyond a warning."""
+    if isinstance(mode, Diagnosing):
+        return mode.diagnosis.best()[0].fault if mode.known is None else None
+    possible = isinstance(mode, Watching | Lost) and bank.worst() >= warning
+    return bank.suspicions()[0].fault if possible else None
 
 
 def settling(mode: Mode, left: int, begun: bool) -> Settling:

@@ -9,13 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.bus.twin_messages import MonitoringVerdict
+from dtwin.errors import ParameterError, choices
+from dtwin.monitoring import modes
 from dtwin.monitoring.candidate import Candidate
 from dtwin.monitoring.diagnosis import CERTAIN, PAUSE, Diagnosis
 from dtwin.monitoring.dismissals import Dismissals
 from dtwin.monitoring.estimation.belief import Belief
 from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.findings import Findings
-from dtwin.monitoring.kinds import JUMPS, PUSH, UNKNOWN, FaultId, plausible_sizes
+from dtwin.monitoring.kinds import JUMPS, PUSH, UNKNOWN, plausible_sizes
 from dtwin.monitoring.modes import Diagnosing, Lost, Mode, Probation, Settling, Turn, Turns, Unfit, Watching, settling
 from dtwin.monitoring.sensing.commands import all_finite, commands_between
 from dtwin.monitoring.sensing.listening import Listening, replay, with_noise
@@ -30,7 +32,6 @@ from dtwin.monitoring.tracking.tracking import BRIDGED, SETTLING, Tracking
 from dtwin.monitoring.trend import Trend
 from dtwin.monitoring.verdict import Finding, Forecast, verdict_on
 from dtwin.parameters import PERIOD
-from dtwin.signals import Event
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -46,6 +47,8 @@ class Monitor:
     Attributes:
         estimator: the arm as believed now.
         findings: what is wrong now, and all that was noticed.
+        events: everything that was noticed, in order.
+        history: every finding that was settled, in order.
         missed: samples that did not arrive.
         trend: course of the parameters over hours.
         restarts: how often the estimate of the motion had to start anew.
@@ -65,6 +68,7 @@ class Monitor:
         self._turns, self._probation, self._dismissals = Turns(), Probation(), Dismissals()
         self._misfit: dict[int, str] = {}
         self.findings = Findings(self._sizes, self._track.gripper)
+        self.events, self.history = self.findings.events, self.findings.history
         self.missed, self.restarts = 0, 0
 
     @property
@@ -164,16 +168,6 @@ class Monitor:
         return self._bank.information(self.sample - round(since / PERIOD))
 
     @property
-    def events(self) -> list[Event]:
-        """Everything that was noticed, in order."""
-        return self.findings.events
-
-    @property
-    def history(self) -> list[Finding]:
-        """Every finding that was settled, in order."""
-        return self.findings.history
-
-    @property
     def forecasts(self) -> list[Forecast]:
         """Slow changes that will reach a limit, soonest first."""
         return self.trend.forecasts()
@@ -181,8 +175,8 @@ class Monitor:
     def standing(self) -> list[Finding]:
         """What is wrong now with sizes as they are known now, first come first, and last what is being diagnosed."""
         found = [self.findings.refined(each, self.estimator) for each in self.findings.current.values()]
-        if isinstance(self._mode, Diagnosing) and self._mode.pending is not None:
-            found.append(self._mode.pending)
+        if isinstance(self._mode, Diagnosing) and (news := self._mode.news) is not None:
+            found.append(news)
         return found
 
     def acknowledge(self, parameter: str = "") -> list[str]:
@@ -190,7 +184,8 @@ class Monitor:
 
         The estimator keeps what it has learned, so that only a further change is found, and measured from here. Of an
         unknown cause nothing was learned: it is found again if it shows again. An encoder that has stopped, or a jaw
-        that does not follow, is not reported again until it has worked. A trend counts from here.
+        that does not follow, is not reported again until it has worked. A trend counts from here, what is still being
+        diagnosed from where it is settled.
 
         Args:
             parameter: name of a finding or forecast, "" for all.
@@ -201,8 +196,16 @@ class Monitor:
         Raises:
             ParameterError: nothing of that name is wrong.
         """
-        forecast = [forecast.parameter for forecast in self.forecasts]
-        accepted = self.findings.acknowledge(self.time, parameter, forecast, self.estimator)
+        known = dict.fromkeys([*self.findings.current, *(each.parameter for each in self.forecasts)])
+        pending = self._mode.news if isinstance(self._mode, Diagnosing) else None
+        names = list(known if pending is None else known | {pending.parameter: None})
+        if parameter and parameter not in names:
+            there = f"expected {choices(names)}" if names else "there is nothing to acknowledge"
+            raise ParameterError(f"no finding {parameter!r}: {there}")
+        if isinstance(self._mode, Diagnosing):
+            self._mode = self._mode.acknowledged(parameter)
+        struck = [name for name in known if parameter in ("", name)]
+        accepted = self.findings.acknowledge(self.time, struck, self.estimator)
         for state in (state for fault in accepted for state in fault.states):
             self.estimator.forget(state)
             self.trend.accept(state, self.estimator)
@@ -210,19 +213,12 @@ class Monitor:
 
     def verdict(self) -> MonitoringVerdict:
         """The opinion now, as it is published."""
-        wrong = self._suspected(), self.forecasts, self.standing(), self._misfit
+        wrong = modes.suspected(self._mode, self._bank, self._warning), self.forecasts, self.standing(), self._misfit
         return verdict_on(self.time, *wrong, self.unobservable(), self.missed, self.restarts)
 
     def unobservable(self) -> tuple[str, ...]:
         """Causes that, had they come about in their plausible size, the last seconds would not have shown."""
         return self._bank.hidden({name: 0.5 * size for name, size in self._sizes.items()}, self.threshold)
-
-    def _suspected(self) -> FaultId | None:
-        """What may be wrong."""
-        if isinstance(self._mode, Diagnosing):
-            return self._mode.diagnosis.best()[0].fault
-        possible = isinstance(self._mode, Watching | Lost) and self._bank.worst() >= self._warning
-        return self._bank.suspicions()[0].fault if possible else None
 
     def _restart(self, sample: int, measured: Array, gripped: bool, gap: int) -> None:
         """Begins with a sample that does not follow the last one."""
@@ -266,7 +262,6 @@ class Monitor:
             self.findings.note(self.time, "restart", "the estimate diverged and starts anew from the model")
             return
         moment = self._track.count(moment, estimator)
-        counts = moment.counts
         if regripped:
             self._bank.regrip()
             if moment.gripped:
@@ -274,27 +269,29 @@ class Monitor:
             else:
                 self.findings.put_down(self.time).apply(estimator, self.trend)
         if not self._probation.passed:
-            self._probation.update(estimator, used, counts)
+            self._probation.update(estimator, used, moment.counts)
         match self._mode:
             case Settling(left, known, begun, then):
                 left -= 1
                 if begun:
-                    self._bank.update(estimator, used, self._readings.fresh, self.sample, counts and left < known)
+                    self._bank.update(
+                        estimator, used, self._readings.fresh, self.sample, moment.counts and left < known
+                    )
                 self._mode = Settling(left, known, begun, then) if left else then
                 self._listen(used)
-            case Diagnosing(diagnosis, pending):
+            case Diagnosing(diagnosis) as mode:
                 diagnosis.update(moment)
                 if not diagnosis.certain and (stopped := self._stopped.open(self._readings, self.findings.known)):
                     diagnosis.stop(self._still(stopped))
                     self._stopped.ask(stopped)
-                self._decide(diagnosis, pending)
+                self._decide(mode)
             case Unfit() as mode:
-                self._bank.update(estimator, used, self._readings.fresh, self.sample, counts)
+                self._bank.update(estimator, used, self._readings.fresh, self.sample, moment.counts)
                 self._doubt_model(mode.after(estimator))
             case Watching() | Lost() as mode:
                 self.trend.enter(self.time, estimator)
                 self.findings.examine(self.time, estimator).apply(estimator, self.trend)
-                self._bank.update(estimator, used, self._readings.fresh, self.sample, counts)
+                self._bank.update(estimator, used, self._readings.fresh, self.sample, moment.counts)
                 self._look(mode)
 
     def _listen(self, used: Flags) -> None:
@@ -334,7 +331,7 @@ class Monitor:
         still, resting = self._still(stopped), self._still(repeating(self._readings))
         locked, misfit = bool(self.estimator.locked), self._belief.misfit
         how = (self._sizes, locked, still, resting, self._temper, misfit, self._charges)
-        self._decide(Diagnosis(suspicions, self._track.moments, self.sample, *how), None)
+        self._decide(Diagnosing(Diagnosis(suspicions, self._track.moments, self.sample, *how)))
 
     def _still(self, joints: list[int]) -> list[StandsStill]:
         return stands_still(joints, self._readings, self.sample, self._bank)
@@ -362,8 +359,9 @@ class Monitor:
         self._track.moments.clear()
         self._initialise(self._readings.last, self._track.gripped)
 
-    def _decide(self, diagnosis: Diagnosis, pending: Finding | None) -> None:
+    def _decide(self, mode: Diagnosing) -> None:
         """Updates the finding under diagnosis, and adopts the winner once it is settled."""
+        diagnosis, pending = mode.diagnosis, mode.pending
         believed = diagnosis.believed()
         settled = diagnosis.settled(self.sample) and not self.findings.awaited(believed.candidate.fault)
         if diagnosis.certain or believed.candidate.gain > CERTAIN:
@@ -372,15 +370,18 @@ class Monitor:
                 self.findings.note(self.time, "suspected", found.text())
             pending = found
         if not settled:
-            self._mode = Diagnosing(diagnosis, pending)
+            self._mode = replace(mode, pending=pending)
             return
         self._bank.clear()
         self._mode = settling(self._mode, PAUSE, begun=False)
         if pending is None or not self._dismissals.confirmed(diagnosis, self.sample):
             self.findings.note(self.time, "dismissed", "a suspicion was not confirmed")
             return
-        winner = diagnosis.winner()
+        winner, told = diagnosis.winner(), len(self.history)
         self._adopt(winner.candidate, self.findings.assess(winner, pending.detected))
+        for name in mode.known_of(self.history[told:]):
+            if name in self.findings.current:
+                self.acknowledge(name)
 
     def _adopt(self, candidate: Candidate, pending: Finding) -> None:
         """Takes the arm to be as the winner of a diagnosis says."""

@@ -183,6 +183,30 @@ def test_an_acknowledged_change_is_the_arm_from_then_on(belief: Belief, run_cell
     assert finding.since == pytest.approx(45.0, abs=0.1)
 
 
+@pytest.mark.parametrize("parameter", ["", "K1"])
+def test_a_change_that_is_acknowledged_while_it_is_diagnosed_is_the_arm_once_it_is_settled(
+    belief: Belief, run_cell: Callable[..., Log], parameter: str
+) -> None:
+    log = run_cell(60.0, 3, "K1*=0.6@31-45")
+    seen = stream(log)
+    monitor, row = watched(belief, log, 3100), 3100
+    while not monitor.standing():
+        seen.feed(monitor, row, row + 1)
+        row += 1
+    assert monitor.verdict().units["joint 1"].state == "failed"
+    assert monitor.findings.current == {}
+    with pytest.raises(ParameterError, match=r"'D2': expected K1$"):
+        monitor.acknowledge("D2")
+    monitor.acknowledge(parameter)
+    for later in range(row, 4490):
+        seen.feed(monitor, later, later + 1)
+        assert monitor.verdict().units["joint 1"].state == "nominal"
+    assert kinds(monitor)[-3:] == ["suspected", "failed", "acknowledged"]
+    seen.feed(monitor, 4490, len(seen))
+    (finding,) = monitor.standing()
+    assert finding.size == pytest.approx(0.4, abs=0.02)
+
+
 def test_an_acknowledged_encoder_is_reported_again_once_it_has_worked(
     belief: Belief, run_cell: Callable[..., Log]
 ) -> None:
