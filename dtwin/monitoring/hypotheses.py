@@ -39,6 +39,8 @@ PUSHES: Final = (2, 5, 10, 20, 40)
 """samples that a push may last"""
 CAUGHT: Final = (5, 10, 20)
 """samples after which a box that slips may be held again"""
+_EARLY: Final = 5
+"""samples since an onset up to which they hardly tell at which of the last ones the change came"""
 _SERIOUS: Final = 0.6
 """share of the best statistic that makes a suspicion's onset one that a joint may have been locked at"""
 _STEPS: Final = 2
@@ -65,7 +67,7 @@ def changes(
     serious = [s.onset for s in likely if s.statistic >= _SERIOUS * likely[0].statistic]
     onsets = list({onset.sample: onset for onset in serious}.values())
     hypotheses = [(suspicion.fault, suspicion.onset) for suspicion in likely]
-    hypotheses += [(s.fault, onset) for s in likely[:PAIRED] for onset in s.others]
+    hypotheses += [(s.fault, onset) for s in likely[:PAIRED] for onset in (*s.others, *_later(s, likely, sample))]
     hypotheses += [(fault, s.onset) for s in likely for fault in _told_by(s.fault, "jumps")]
     hypotheses += [
         (FaultId(SCALE, s.fault.joint), onset)
@@ -80,14 +82,16 @@ def changes(
     where = [(s.fault.joint, s.onset) for s in likely if s.fault.kind in OF_ENCODER and s.onset.gap > 1]
     for joint, onset in where:
         found += _stepped(FaultId(BIAS, joint), onset, sizes, history, sample)
-    for fault, onset, *_ in likely:
+    for suspicion in likely:
+        fault, onset = suspicion.fault, suspicion.onset
         found += [
             Candidate(f, onset, sizes, delay=delay, caught=caught)
             for f in _told_by(fault, "loss")
             for delay in range(DELAYED)
             for caught in ((0, *CAUGHT) if f.kind == SLIP and sample - onset.sample <= _RECENT else (0,))
         ]
-        found += [Candidate(fault, onset, sizes, {str(fault): change}) for change in fault.about.starts]
+        when = (onset, *_later(suspicion, likely, sample))
+        found += [Candidate(fault, then, sizes, {str(fault): start}) for then in when for start in fault.about.starts]
     recent = [onset for onset in onsets if sample - onset.sample <= _RECENT][:_FEW]
     pushes = [(fault, onset) for fault in faults(PUSH) for onset in recent]
     return found + [Candidate(fault, onset, sizes, delay=delay) for fault, onset in pushes for delay in PUSHES]
@@ -125,6 +129,16 @@ def stopped_at_rest(resting: Sequence[StandsStill], sizes: dict[str, float]) -> 
         Candidate(FaultId(FREEZE, joint), onset, sizes, delay=max(first - onset.sample, 0))
         for joint, _, _, first, onset in resting
     ]
+
+
+def _later(suspicion: Suspicion, likely: Sequence[Suspicion], sample: int) -> list[Onset]:
+    """Onsets of other suspicions after that of one which was noticed so soon that the change may have come then.
+
+    A change that is taken to have come before is held against samples that it had not befallen yet.
+    """
+    if sample - suspicion.onset.sample > _EARLY:
+        return []
+    return list({o.sample: o for o in (s.onset for s in likely) if o.sample > suspicion.onset.sample}.values())
 
 
 def _with_constants(likely: Sequence[Suspicion]) -> list[Suspicion]:

@@ -128,6 +128,8 @@ KINDS: Final[dict[str, Kind]] = {
         unit="N m s/rad",
         plausible=0.1,
         nothing=0.1,
+        # Strong friction stops a joint within a period or two, which is too unlike linear to start from none.
+        starts=(0.1, 0.3),
         limit=Limit(0.5),
     ),
     "mu": Kind(

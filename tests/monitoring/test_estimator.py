@@ -162,15 +162,15 @@ def test_bounds_keep_the_estimate_physical(belief: Belief) -> None:
 def test_friction_that_cannot_be_moves_the_arm_like_the_nearest_that_can() -> None:
     """The estimate may pass the bounds until more is measured; the motion and what is told may not."""
     beyond, nearest = at(STATE), at(STATE)
-    for estimator, damping, coulomb in ((beyond, 0.3, -0.01), (nearest, 0.23, 0.0)):
+    for estimator, damping, coulomb in ((beyond, 1.0, -0.01), (nearest, 0.92, 0.0)):
         estimator.x[INDEX["D1"]], estimator.x[INDEX["mu2"]] = damping, coulomb
         estimator.remember("D1")
         estimator.predict(VOLTS, False)
     np.testing.assert_array_equal(beyond.x[:6], nearest.x[:6])
-    assert beyond.x[INDEX["D1"]] == 0.3
+    assert beyond.x[INDEX["D1"]] == 1.0
     change = beyond.change("D1")
     assert change is not None
-    assert change.value == 0.23
+    assert change.value == 0.92
 
 
 def test_what_was_remembered_is_refined_as_an_augmented_filter_would(

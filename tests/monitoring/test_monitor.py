@@ -77,6 +77,25 @@ def watching(belief: Belief, weak: Log) -> Monitor:
     return followed(belief, stream(weak))
 
 
+@pytest.mark.parametrize(
+    ("seed", "start", "fault", "named"),
+    [
+        (1, 72.26, "K2*=0.1", "K2"),  # the first sample since speaks for an onset one sample too early
+        (1, 67.76, "K1*=0.1", "K1"),
+        (3, 60.54, "D2+=0.2", "D2"),  # what friction slows within a period is far from linear
+        (0, 54.9, "D1+=0.4", "D1"),  # more friction than usual steps of the integration can take
+    ],
+)
+def test_the_largest_changes_are_named_too(
+    run_cell: Callable[..., Log], seed: int, start: float, fault: str, named: str
+) -> None:
+    log = run_cell(start + 6.0, seed, f"{fault}@{start}", noise=0.002)
+    monitor = followed(assumed(ArmParameters(), (0.0, 0.0, 0.0)), stream(log))
+    (finding,) = monitor.history
+    assert finding.parameter == named
+    assert finding.since == pytest.approx(start, abs=0.05)
+
+
 def test_a_fault_that_ends_is_struck_out(watching: Monitor) -> None:
     monitor = watching
     kinds = [event.kind for event in monitor.events]

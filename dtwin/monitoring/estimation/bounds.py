@@ -9,10 +9,13 @@ from numpy.typing import NDArray
 
 from dtwin.monitoring.estimation.layout import ARM_NAMES, INDEX, LATE, PAYLOAD, SIZE, SUPPLY
 from dtwin.monitoring.estimation.motion import LATEST
+from dtwin.monitoring.estimation.rigid import STABLE
 from dtwin.parameters import ArmParameters, symbol_of
 
 Array = NDArray[np.float64]
 
+_HEAVY: Final = 4.0
+"""Viscous friction of a joint that is as good as locked, relative to what steps of the usual length can integrate."""
 _MARGIN: Final = {"D": 0.2, "mu": 0.02}
 """N m s/rad, N m: how far the estimates of friction may err beyond what friction can be while they are poor; cut off
 at once, they would keep the error that the cut makes"""
@@ -21,15 +24,16 @@ at once, they would keep the error that the cut makes"""
 def bounds(arm: ArmParameters, rigid: bool) -> tuple[Array, Array]:
     """(33,) each: what the states cannot be below and above.
 
-    More friction than this would make RK4 at 2.5 ms unstable, dry friction that of an arm that obeys the equations of
-    motion (rigid); of any other it is implicit. A joint that turns so heavily is as good as locked.
+    More friction than this would make RK4 at 2.5 ms unstable; of an arm that obeys the equations of motion (rigid) it
+    is the dry friction, since steps are shorter where the viscous friction is strong, and of any other the dry
+    friction is implicit. A joint that turns so heavily is as good as locked.
     """
     lower, upper = np.full(SIZE, -np.inf), np.full(SIZE, np.inf)
+    viscous, dry = (_HEAVY * STABLE, 0.015) if rigid else (STABLE, 0.2)
     for name in ARM_NAMES:
         value, index = arm.get(name), INDEX[name]
-        least, most = {"K": (0.0, 3.0 * value), "D": (0.0, 0.23), "mu": (0.0, 0.015 if rigid else 0.2)}.get(
-            symbol_of(name), (0.5 * value, 2.0 * value)
-        )
+        ranges = {"K": (0.0, 3.0 * value), "D": (0.0, viscous), "mu": (0.0, dry)}
+        least, most = ranges.get(symbol_of(name), (0.5 * value, 2.0 * value))
         lower[index], upper[index] = min(least, value), max(most, value)
     lower[PAYLOAD], upper[PAYLOAD] = 0.0, 1.0
     lower[LATE], upper[LATE] = 0.0, LATEST

@@ -23,8 +23,11 @@ Array = NDArray[np.float64]
 
 SUBSTEPS: Final = 4
 """RK4 steps a sample, as in the emulation"""
+STABLE: Final = 0.23
+"""N m s/rad: more viscous friction than this makes such steps unstable"""
 TURNS: Final = 3
 """steps of Newton's method that find the torque that holds a locked joint"""
+_D: Final = INDEX["D1"]
 _COMPLEX_STEP: Final = 1e-30
 _LEAST_VOLTS: Final = 1e-6
 """V: the derivative by a torque is that by the voltage constant divided by the voltage; this little moves nothing"""
@@ -70,7 +73,7 @@ class RigidMotion:
         end, F = states[1], slopes[1]
         for _ in range(TURNS):
             integrate_linearised(
-                held[None], twin.moved, level, u[None], PERIOD, SUBSTEPS, COULOMB_WIDTH, states, slopes
+                held[None], twin.moved, level, u[None], PERIOD, _substeps(x), COULOMB_WIDTH, states, slopes
             )
             _oppose(u, x, end, F, locked - 1)
         F[:, TORQUE:MOVING] = F[:, ARM : ARM + 3] / u
@@ -96,6 +99,12 @@ class RigidMotion:
         return other
 
 
+@kernel
+def _substeps(x: Array) -> int:
+    """Number of RK4 steps in which a sample of an arm with states x (33,) is stable."""
+    return SUBSTEPS * max(1, math.ceil(max(x[_D], x[_D + 1], x[_D + 2]) / STABLE))
+
+
 @kernel(uses=(derivatives, sensitivity))
 def carry_rigid(x: Array, volts: Array, gripped: bool, twin: TwinArrays, last: Array, end: Array, F: Array) -> None:
     """Writes to end (6,) and F (6, 27) what `RigidMotion.carry` gives while no joint is locked, and the command to
@@ -119,7 +128,7 @@ def carry_rigid(x: Array, volts: Array, gripped: bool, twin: TwinArrays, last: A
     for i in range(6):
         states[0, i] = x[i]
         slopes[0, i, i] = 1.0
-    integrate_linearised(held, twin.moved, level, u, PERIOD, SUBSTEPS, COULOMB_WIDTH, states, slopes)
+    integrate_linearised(held, twin.moved, level, u, PERIOD, _substeps(x), COULOMB_WIDTH, states, slopes)
     end[:], F[:] = states[1], slopes[1]
     for i in range(6):
         for joint in range(3):
