@@ -69,7 +69,6 @@ def _print(record: ArmRecord, arm: Arm, out: Path | None) -> None:
     print_table(table)
     console = Console(highlight=False, soft_wrap=True)
     console.print(as_text(f"arm {record.arm}: {record.seconds:g} s, whose first half foretells the second one"))
-    units = ", ".join(sorted({joint.actuator.commanded for joint in arm.joints}))
-    console.print(f"torques are those of the data sheet's constants, in N m (N); noise is in {units}")
+    console.print("torques are those of the data sheet's constants, in N m (N); noise is in the units of the drives")
     if out is not None:
         console.print(as_text(f"written to {out}"))

@@ -51,11 +51,7 @@ class Geometry:
         found = _of_file(arm)
         self.own = found is not None
         self.model = _bars(arm) if found is None else found
-        self._data = mujoco.MjData(self.model)
-        one = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
-        for number in range(self.model.njnt):
-            if int(self.model.jnt_type[number]) in one:
-                self._data.qpos[self.model.jnt_qposadr[number]] = 0.0  # what is not in the chain is welded there
+        self._data = mujoco.MjData(self.model)  # what is not in the chain stays where the file has it
         self._addresses = [int(self.model.jnt_qposadr[k]) for k in _joints(self.model, arm)]
 
     def place(self, q: Array) -> mujoco.MjData:

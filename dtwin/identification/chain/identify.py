@@ -95,15 +95,15 @@ class Identification:
         """A weighted sum of the unknowns, (size,) weights, and its standard deviation.
 
         Friction has a form which no terms have, and what that misses is the same whenever a joint is as fast, so that
-        no correlation in time shows it. The unknowns would change with the speeds that are looked at (Hausman 1978):
-        the jackknife over bands of speed counts that, and the larger one of it and the sandwich is taken.
+        no correlation in time shows it. The unknowns would change with the speeds that are looked at (Hausman 1978),
+        which the jackknife over bands of speed counts, beside what the correlation in time makes of them.
         """
         used = np.flatnonzero(self.found.used)
         inner = self.covariance[: len(used), : len(used)]
         spread = float(np.sqrt(weights[used] @ inner @ weights[used]))
         count = len(self.bands)
         form = float(np.sqrt((count - 1) / count * np.sum((self.bands @ weights) ** 2)))
-        return float(weights @ self.found.unknowns), max(spread, form)
+        return float(weights @ self.found.unknowns), float(np.hypot(spread, form))
 
     def guess(self, weights: Array) -> float:
         """The part of the variance of a weighted sum of the unknowns, (size,) weights, that is the guess of bodies.
