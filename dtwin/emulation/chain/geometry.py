@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from dtwin.arm.chain import Arm, Array
+from dtwin.emulation.chain.mjcf import quietly
 from dtwin.emulation.chain.model import chain_spec
 from dtwin.errors import ModelError
 
@@ -126,7 +127,7 @@ def _lit(spec: mujoco.MjSpec) -> mujoco.MjModel:
     if all(texture.type != sky for texture in spec.textures):
         gradient = mujoco.mjtBuiltin.mjBUILTIN_GRADIENT
         spec.add_texture(type=sky, builtin=gradient, rgb1=_SKY, rgb2=_HAZE, width=64, height=384)
-    return spec.compile()
+    return quietly(spec)
 
 
 def _bar(body: mujoco.MjsBody, end: Array, radius: float) -> None:

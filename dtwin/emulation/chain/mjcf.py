@@ -7,6 +7,7 @@ Bodies that hang on a link beside the chain are welded where the file has them a
 from __future__ import annotations
 
 import logging
+import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -145,9 +146,20 @@ def _with_other_meshes(path: Path, message: str) -> mujoco.MjModel | None:
     for mesh in spec.meshes:
         mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
     try:
-        return spec.compile()
+        return quietly(spec)
     except ValueError:
         return None
+
+
+def quietly(spec: mujoco.MjSpec) -> mujoco.MjModel:
+    """A model compiled without MuJoCo's warnings, such as of attributes that its next release may not know.
+
+    Raises:
+        ValueError: MuJoCo cannot compile it.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        return spec.compile()
 
 
 def _delete_meshes(spec: mujoco.MjSpec) -> None:
