@@ -9,7 +9,7 @@ from dtwin.emulation.chain.arms import arm_of
 from dtwin.errors import ParameterError, RecordingError
 from dtwin.monitoring.chain.finding import hidden_in_words
 from dtwin.monitoring.chain.learning import acquainted
-from dtwin.monitoring.chain.record import read_arm_record
+from dtwin.monitoring.chain.record import judged, read_arm_record
 from dtwin.monitoring.settings import LEAST_HEALTHY
 from dtwin.run.arm_log import read_arm_log
 from dtwin.terminal import print_json, printable
@@ -36,9 +36,7 @@ def monitor_arm(log: Path, arm: str, healthy: float, json: bool, commissioned: P
     record = None if commissioned is None else read_arm_record(commissioned, known)
     rows = read_arm_log(log, known)
     if record is not None:
-        watch = record.watch(known)
-        watch.follow(rows.t, rows.q, rows.target, rows.effort)
-        watch.end()
+        watch = judged(record, known, (rows.t, rows.q, rows.target, rows.effort))
     else:
         try:
             watch = acquainted(known, rows.t, rows.q, rows.target, rows.effort, healthy)
@@ -60,8 +58,8 @@ def monitor_arm(log: Path, arm: str, healthy: float, json: bool, commissioned: P
             }
         )
     else:
-        judged = f"arm {known.name}: learned in {learned:g} s, judged until {rows.t[-1]:g} s"
-        print(printable(judged))
+        said = f"arm {known.name}: learned in {learned:g} s, judged until {rows.t[-1]:g} s"
+        print(printable(said))
         print(printable("nothing is wrong" if found is None else found.text(known)))
         if hidden:
             said = "; ".join(hidden_in_words(known, *each) for each in hidden.items())

@@ -260,6 +260,7 @@ class Drives:
                 self._most[k] = np.maximum(self._most[k], ratio[fresh:].max(axis=0))
                 bound = CAUTION * bound
             enough = (ratio[fresh:] > bound) & (np.abs(size[fresh:]) > self._least)
+            enough[: max(0, window - 1 - fresh)] = False  # what is shorter has the bound of a shorter window
             sure = np.flatnonzero(enough.any(axis=1))
             if len(sure) and (best is None or begin + fresh + int(sure[0]) < best.sample):
                 at = fresh + int(sure[0])

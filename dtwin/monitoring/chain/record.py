@@ -7,7 +7,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from dtwin.arm.chain import Arm
+from dtwin.arm.chain import Arm, Array
 from dtwin.errors import RecordingError
 from dtwin.files import reason_of, replacing
 from dtwin.monitoring.chain.drives import Drives
@@ -15,6 +15,8 @@ from dtwin.monitoring.chain.encoders import Habits
 from dtwin.monitoring.chain.sequential import FirstFault
 
 SCHEMA = "dtwin arm commissioned 1"
+_AT_ONCE = 20
+"""Samples that are judged at once, as beside a running cell: a suspicion that is dropped drops what came with it."""
 Numbers = tuple[float, ...]
 
 
@@ -78,6 +80,22 @@ class ArmRecord(msgspec.Struct, frozen=True):
         drives.expected.recall(*(np.array(each) for each in (self.values, self.covariance, self.noise)))
         drives.recall([(bound.window, np.array(bound.ratios)) for bound in self.bounds], self.alike)
         return FirstFault.knowing(arm, drives, self.habits)
+
+
+def judged(record: ArmRecord, arm: Arm, rows: tuple[Array, Array, Array, Array]) -> FirstFault:
+    """Who knows the arm of a record, after a log: rows as `FirstFault.follow` takes them.
+
+    Raises:
+        RecordingError: the record is of another arm.
+    """
+    watch = record.watch(arm)
+    for first in range(0, len(rows[0]), _AT_ONCE):
+        t, q, target, effort = (row[first : first + _AT_ONCE] for row in rows)
+        watch.follow(t, q, target, effort)
+        if watch.settled:
+            break
+    watch.end()
+    return watch
 
 
 def record_of(watch: FirstFault, arm: Arm, seconds: float) -> ArmRecord:

@@ -27,6 +27,8 @@ USUAL: Final = {"K": 0.2, "friction": 1.0, "bias": 0.01}
 """Usual sizes of causes: a fifth of the torque is lost, friction has doubled, an encoder is 10 mrad off."""
 LOADED, PUSHED = 0.1, 0.2
 """The same of a load in parts of the largest one, and of a push in parts of what the drive gives."""
+START: Final = 1.0
+"""Time from the first sample in which an arm that is known already is not judged, s."""
 _AT_ONCE: Final = 2000
 """Samples of a log that are judged at once."""
 
@@ -55,15 +57,19 @@ class FirstFault:
         self.habits: Habits | None = None
         self._last = _none(len(arm))
         self._offset, self._strength = np.zeros(len(arm)), np.ones(len(arm))
-        self._of_encoder = False
+        self._of_encoder = self._starts = False
         self.time = 0.0
         self.finding: ChainFinding | None = None
 
     @classmethod
     def knowing(cls, arm: Arm, drives: Drives, habits: Habits) -> FirstFault:
-        """Finds the first fault of an arm whose drives and encoders are known already."""
-        made = cls(arm)
+        """Finds the first fault of an arm whose drives and encoders are known already.
+
+        The first samples, in which blocks that begin take hold of the arm, are not judged.
+        """
+        made = cls(arm, START)
         made._know(drives, habits)
+        made._starts = True
         return made
 
     @property
@@ -115,6 +121,11 @@ class FirstFault:
             target: desired positions, (N, n).
             effort: what acts at the samples, (N, n), in the units of the drives.
         """
+        if self._starts and len(t):
+            self._begin = float(t[0]) if self._begin is None else self._begin
+            begun = int(np.searchsorted(t, self._begin + self._healthy))
+            self._starts = begun == len(t)
+            t, q, target, effort = t[begun:], q[begun:], target[begun:], effort[begun:]
         if not len(t):
             return
         q, effort = q - self._offset, effort * self._strength

@@ -134,6 +134,8 @@ def test_commission_keeps_a_record_that_monitor_and_up_take(
     assert "learned in 39.99 s, judged until 11.99 s" in said
     assert "drive of shoulder: part of its torque lost, about " in said
     assert abs(float(said.split()[-1]) - 0.3) < 0.05
+    assert main(["monitor", log, *arm, "--commissioned", out]) == 0, "its own start is none of its faults"
+    capsys.readouterr()
     assert main(["monitor", later, "--arm", "six-axis", "--commissioned", out]) == 2
     assert (
         "arm.json: the record is of planar-2r with the joints shoulder, elbow every 0.01 s" in capsys.readouterr().err
