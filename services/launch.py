@@ -82,7 +82,8 @@ class CellOptions(PlantOptions, ControlOptions, OtherArmOptions):
     """Identified model of the healthy arm, a file (*.json) or a name in --store, for monitoring and identification;
     the data sheet's arm if not given."""
     commissioned: Path | None = None
-    """Record of the healthy arm that `dtwin commission` wrote, for monitoring, instead of a model."""
+    """Record of the healthy arm that `dtwin commission` wrote, for monitoring, instead of a model, or of learning
+    another arm."""
     safe_stop: bool = False
     """Let the monitoring service ask the function blocks to stop the arm when a failure is confirmed."""
     silence: float = SILENCE
@@ -119,7 +120,8 @@ class CellOptions(PlantOptions, ControlOptions, OtherArmOptions):
         if other is None:
             self._check_plant()
         else:
-            _check_apart("chain.check", [*other.words, *(["--identified"] if self.identification else [])])
+            record = ["--commissioned", str(self.commissioned)] if self.commissioned else []
+            _check_apart("chain.check", [*other.words, *record, *(["--identified"] if self.identification else [])])
         for path, ending in ((self.log, LOG), (self.record, RECORDING)):
             if path is not None:
                 ensure_writable(path, ending)

@@ -57,7 +57,7 @@ def walked(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
             if language in waiting:
                 (folder / waiting[language].pop(0)).write_text(text)
             elif language == "sh":
-                short = re.sub(r"--duration \d+(?!.*--fault)", "--duration 10", text)
+                short = re.sub(r"--duration \d+(?!.*--fault|.*healthy\.parquet)", "--duration 10", text)
                 short = short.replace("--candidates 24", "--candidates 24 --arms 0")
                 for line in short.replace("excite mine.toml", "excite mine.toml --candidates 2").splitlines():
                     program, *words = shlex.split(line, comments=True)

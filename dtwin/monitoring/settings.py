@@ -12,6 +12,9 @@ Method = Literal["default", "thesis"]
 """Monitor: the state estimator with diagnosis, or the thesis's comparison with a simulated arm."""
 ALARMS_PER_HOUR: Final = 1.0 / 720.0
 """false alarms to be expected unless something else is asked for: one in thirty days"""
+LEAST_HEALTHY: Final = 20.0
+"""Shortest time in which another arm than the thesis's is learned, s: the longest window over which evidence is
+gathered passes twice."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from dtwin.arm.chain import Arm, Array, Commanded, servo_torque
+from dtwin.arm.chain import Arm, Array, Commanded, holding, servo_torque
 from dtwin.arm.effort import effort_of
 from dtwin.arm.poses import Poses, ranges
 from dtwin.arm.sorting import Sorting
@@ -22,7 +22,7 @@ from dtwin.emulation.chain.faults import ChainFault
 from dtwin.emulation.chain.machine import Machine
 from dtwin.emulation.chain.plant import ChainPlant
 from dtwin.equations.kinematics import Goal, joints_along, joints_for
-from dtwin.equations.rigid import usual_inertia
+from dtwin.equations.rigid import inverse_dynamics, usual_inertia
 from dtwin.errors import UnreachableError
 from dtwin.files import LOG, replacing
 from dtwin.measurements.measurement import Measurement
@@ -249,7 +249,7 @@ def sorting_poses(arm: Arm, task: Sorting, dwell: float = 0.15, tolerance: float
         tolerance: distance of every joint from its pose, rad or m.
 
     Raises:
-        UnreachableError: the tool does not reach a point; names it.
+        UnreachableError: the tool does not reach a point, or the drives do not hold the heaviest box there; names it.
     """
     lower, upper = ranges(arm)
     near = 0.5 * (lower + upper)
@@ -257,11 +257,29 @@ def sorting_poses(arm: Arm, task: Sorting, dwell: float = 0.15, tolerance: float
     for name, point in {"pick": task.pick, **task.places}.items():
         try:
             above, at = _above_and_at(arm, task, point, near)
+            _check_held(arm, task.mass[1], np.stack([above, at]))
         except UnreachableError as error:
             raise UnreachableError(f"{name}: {error}") from None
         rows += [above, at, above]
         near = above
     return Poses(np.array(rows), dwell, True, len(task.places), tolerance, task.usual)
+
+
+def _check_held(arm: Arm, mass: float, poses: Array) -> None:
+    """Whether the drives hold a box at rest in all poses, (N, n).
+
+    Raises:
+        UnreachableError: one of them does not; names it.
+    """
+    rest = np.zeros_like(poses)
+    needed = np.abs(inverse_dynamics(holding(arm, mass), poses, rest, rest)).max(axis=0)
+    for joint, most in zip(arm.joints, needed.tolist(), strict=True):
+        if most > joint.largest:
+            unit = "N m" if joint.turns else "N"
+            raise UnreachableError(
+                f"the drive of {joint.name} gives {joint.largest:.3g} {unit}, and {most:.3g} {unit} hold a box of "
+                f"{mass:.3g} kg there: expected lighter boxes (mass), or another point"
+            )
 
 
 def _above_and_at(arm: Arm, task: Sorting, point: Array, near: Array) -> tuple[Array, Array]:

@@ -82,6 +82,15 @@ class ArmsResult:
         inside = [held for one in self.machines for held in one.inside.values()]
         return float(np.mean(inside))
 
+    @property
+    def coverage_error(self) -> float:
+        """Standard error of that share: numbers of one machine depend on each other, such as by its drives' scale.
+
+        Machines count as clusters (Cochran 1977, 9A), so that ten tell it to some percent alone.
+        """
+        beyond = [sum(one.inside.values()) - self.coverage * len(one.inside) for one in self.machines]
+        return float(np.sqrt(np.sum(np.square(beyond))) / sum(len(one.inside) for one in self.machines))
+
 
 def arms_experiment(
     name: str, machines: int, seconds: float, seed: int, progress: Progress, peers: int = 0
@@ -157,6 +166,7 @@ def arms_figures(result: ArmsResult) -> dict[str, Any]:
         "fit": result.fit.tolist(),
         "least_fit": float(result.fit.min()),
         "coverage": result.coverage,
+        "coverage_error": result.coverage_error,
         "intervals": sum(len(one.inside) for one in result.machines),
         "outside": sorted({name for one in result.machines for name, held in one.inside.items() if not held}),
         "identification_seconds": [one.seconds for one in result.machines],
@@ -183,7 +193,9 @@ def arms_report(result: ArmsResult) -> Report:
     )
     least, coverage = float(result.fit.min()), result.coverage
     told = (
-        f"Least fit of a joint {least:.4f} (asked: {ASKED_FIT}); {coverage:.1%} of the 95 % intervals hold the truth."
+        f"Least fit of a joint {least:.4f} (asked: {ASKED_FIT}); {coverage:.1%} +- "
+        f"{result.coverage_error:.1%} of the 95 % intervals hold the truth (standard error between machines, as "
+        "numbers of one depend on each other)."
     )
     return Report(f"Identification of {result.arm.name}", (words, "\n".join(rows), told, *_peer_words(result)))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
 
 from dtwin.arm.chain import without_servos
@@ -21,11 +22,17 @@ class Options(ArmCellOptions):
 
     identified: bool = False
     """Whether it is identified while it runs."""
+    commissioned: Path | None = None
+    """Record of the healthy arm."""
 
     def run(self) -> int:
         settings = self.settings()
         if self.identified:
             without_servos(settings.arm, "--identification")
+        if self.commissioned is not None:
+            from dtwin.monitoring.chain.record import read_arm_record  # loads SciPy
+
+            read_arm_record(self.commissioned, settings.arm)
         inputs(settings.arm, usual_inertia(settings.arm), settings.control, settings.poses)
         return 0
 

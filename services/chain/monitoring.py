@@ -1,7 +1,8 @@
 """Watches a running arm of n joints: ticks off the bus in, verdicts out.
 
-It learns the arm from its motion first. Ticks that were lost are bridged on a straight line if they are few, else
-what comes afterwards is a stretch of its own. When the service starts again, it learns anew.
+It learns the arm from its motion first, unless a record of it is given. Ticks that were lost are bridged on a
+straight line if they are few, else what comes afterwards is a stretch of its own. When the service starts again, it
+learns anew.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import sys
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -23,6 +25,7 @@ from dtwin.bus.twin_messages import AcknowledgeRequest, MonitoringVerdict, Watch
 from dtwin.errors import CommunicationError, DtwinError, ParameterError
 from dtwin.monitoring.chain.finding import ChainFinding
 from dtwin.monitoring.chain.monitor import ArmMonitor
+from dtwin.monitoring.chain.record import ArmRecord, read_arm_record
 from dtwin.monitoring.chain.sequential import HEALTHY
 from dtwin.run.chain import ChainSettings
 from dtwin.services.chain.options import ArmCellOptions
@@ -48,7 +51,9 @@ class Options(ArmCellOptions, Link):
     """Watch an arm and say when something is wrong with it."""
 
     healthy: float = HEALTHY
-    """Time in which the arm is healthy and is learned, s."""
+    """Time in which the arm is healthy and is learned, s; longer where its motion does not suffice."""
+    commissioned: Path | None = None
+    """Record of the healthy arm that `dtwin commission` wrote; learned from its motion without one."""
     safe_stop: bool = False
     """Ask the function blocks to stop the arm when a failure is confirmed."""
 
@@ -57,7 +62,8 @@ class Options(ArmCellOptions, Link):
         with Service(NAME, self) as service:
             prepare(service, [("the equations of the arm", lambda: _rehearse(settings))])
             demands = Demands(service.bus) if self.safe_stop else None
-            Watching(service, settings, self.healthy, demands).run()
+            record = None if self.commissioned is None else read_arm_record(self.commissioned, settings.arm)
+            Watching(service, settings, self.healthy, record, demands).run()
         return 0
 
 
@@ -68,13 +74,22 @@ class Watching:
         service: frame of the service.
         settings: run of the arm.
         healthy: time in which it is learned, s.
+        record: the arm as it was commissioned; None if it is learned.
         demands: passes failures on to the safe stop; None without it.
     """
 
-    def __init__(self, service: Service, settings: ChainSettings, healthy: float, demands: Demands | None) -> None:
+    def __init__(
+        self,
+        service: Service,
+        settings: ChainSettings,
+        healthy: float,
+        record: ArmRecord | None,
+        demands: Demands | None,
+    ) -> None:
         self._service = service
         self._settings = settings
         self._healthy = healthy
+        self._record = record
         self._demands = demands
         self._running = True
         self._done = 0
@@ -107,7 +122,8 @@ class Watching:
                 service.report(state, self._done, time=self._monitor.time)
 
     def _begin_anew(self) -> None:
-        self._monitor = ArmMonitor(self._settings.arm, self._healthy)
+        arm, record = self._settings.arm, self._record
+        self._monitor = ArmMonitor(arm, self._healthy, None if record is None else record.watch(arm))
         self._rows = Rows(self._settings.arm, self._settings.late)
         self._told = self._confirmed = 0
         self._next = 0.0
@@ -192,7 +208,10 @@ class Watching:
         return self._state(request.run)
 
     def _state(self, running: bool) -> WatchState:
-        return WatchState(running, f"{self._settings.arm.name}, learned from its motion in {self._healthy:g} s")
+        how = f"learned from its motion in {self._healthy:g} s"
+        if self._record is not None:
+            how = f"commissioned in {self._record.seconds:g} s"
+        return WatchState(running, f"{self._settings.arm.name}, {how}")
 
     def _change(self, request: WatchRequest) -> None:
         if request.run == self._running:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from dtwin.errors import ParameterError
+from dtwin.monitoring.settings import LEAST_HEALTHY
 from dtwin.parameters import ROOT
 from dtwin.services.parts.pace import Pace
 from dtwin.services.supervisor import Program
@@ -25,13 +26,11 @@ AUDIT: Final = Path("console-audit.jsonl")
 """Default file of the commands that are given at the console, in the working directory."""
 ALARMS: Final = Path("console-alarms.jsonl")
 """Default journal of the alarms at the console, in the working directory."""
-LEAST_HEALTHY: Final = 10.0
-"""Shortest time in which an arm is learned, s."""
 KNOWN: Final = frozenset(
     {
         *("arm", "cell_file", "machine", "poses", "path", "sort", "late", "seed", "fault"),
         *("controller", "pace", "duration", "log", "cell", "zenoh", "detach", "json"),
-        *("monitoring", "safe_stop", "silence", "healthy", "recovery"),
+        *("monitoring", "commissioned", "safe_stop", "silence", "healthy", "recovery"),
         *("identification", "store", "simulation", "history", "console"),
     }
 )
@@ -51,7 +50,8 @@ class OtherArmOptions:
     late: int = 0
     """Ticks from a command until it acts, for another arm."""
     healthy: float | None = None
-    """With --monitoring: time in which another arm is healthy and is learned, s; 60 if not given."""
+    """With --monitoring: time in which another arm is healthy and is learned, s; 60 if not given, longer where its
+    motion does not suffice."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,6 +109,8 @@ def other_arm(options: Any) -> OtherArm | None:
         )
     if options.healthy is not None and not (options.monitoring and LEAST_HEALTHY <= options.healthy < math.inf):
         raise ParameterError(f"--healthy: expected --monitoring beside it, and at least {LEAST_HEALTHY:g} s")
+    if options.healthy is not None and options.commissioned is not None:
+        raise ParameterError("--healthy: expected no --commissioned beside it, whose record knows the arm already")
     if options.recovery is not None and (not options.monitoring or options.safe_stop):
         raise ParameterError(
             "--recovery: expected --monitoring beside it for another arm than the thesis's, and no --safe-stop"
@@ -146,7 +148,8 @@ def programs_of(other: OtherArm, options: Any, link: list[str], console: int) ->
     if options.monitoring:
         stop = ["--safe-stop"] if options.safe_stop else []
         healthy = [] if options.healthy is None else ["--healthy", str(options.healthy)]
-        programs.append(_service("monitoring", [*link, *other.words, *healthy, *stop]))
+        known = [] if options.commissioned is None else ["--commissioned", str(options.commissioned.resolve())]
+        programs.append(_service("monitoring", [*link, *other.words, *known, *healthy, *stop]))
     if options.recovery is not None:
         history = history_of(Path(options.history), other.key)
         proposals = history.with_name(f"{history.stem}-proposals.jsonl").resolve()

@@ -11,6 +11,7 @@ from dtwin.arm.file import names
 from dtwin.arm.text import findings
 from dtwin.cli import main
 from dtwin.emulation.chain.arms import arm_of
+from dtwin.emulation.chain.geometry import Geometry
 from dtwin.emulation.chain.mjcf import read_mjcf
 from dtwin.equations.rigid import inverse_dynamics
 from dtwin.errors import ModelError
@@ -78,6 +79,30 @@ def test_a_chain_of_mjcf_ends_where_its_fingers_begin(tmp_path: Path) -> None:
     arm = read_mjcf(file)
     assert [joint.name for joint in arm.joints] == ["upper", "hand"]
     assert arm.remarks[0] == "the chain ends at hand, where its fingers begin; tip names another link"
+
+
+def test_a_model_that_is_not_there_is_told_as_such(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["arm", "import", str(tmp_path / "away" / "arm.urdf")]) == 2
+    assert "arm.urdf: cannot be read" in capsys.readouterr().err
+
+
+def test_fingers_are_welded_where_the_file_has_them(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """There they weigh and are drawn, also where that is not their position 0; what MuJoCo warns of is no concern."""
+    file = tmp_path / "ref.xml"
+    file.write_text(
+        '<mujoco><compiler settotalmass="2"/><worldbody><body name="upper"><joint name="lift" axis="0 1 0"/>'
+        '<geom type="box" size="0.1 0.1 0.1"/><body name="finger" pos="0.4 0 0"><joint name="grip" type="slide" '
+        'axis="1 0 0" ref="0.2"/><geom type="box" size="0.1 0.1 0.1"/></body></body></worldbody></mujoco>'
+    )
+    arm = read_mjcf(file, "upper")
+    assert arm.remarks == ("joint grip is not in the chain: it is welded at 0.2",)
+    assert arm.links[0].mass == pytest.approx(2.0)
+    assert arm.links[0].centre[0] == pytest.approx(0.2)
+    (tmp_path / "ref.toml").write_text('model = "ref.xml"\ntip = "upper"\nperiod = 0.01\n')
+    placed = Geometry(arm_of(str(tmp_path / "ref.toml"))).place(np.zeros(1))
+    assert placed.body("finger").xpos == pytest.approx([0.4, 0.0, 0.0])
+    assert "settotalmass" not in "".join(capfd.readouterr())
+    assert not Path("MUJOCO_LOG.TXT").exists()
 
 
 def test_the_tool_is_a_point_of_the_last_link(tmp_path: Path) -> None:

@@ -22,7 +22,7 @@ def cell(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Desk]:
     """A cell with the arm of six axes."""
     with new_desk() as desk, pytest.MonkeyPatch.context() as patch:
         patch.chdir(tmp_path_factory.mktemp("cell"))
-        options = ("--machine", "nominal", "--monitoring", "--healthy", "10", "--simulation", "--pace", "lockstep")
+        options = ("--machine", "nominal", "--monitoring", "--healthy", "20", "--simulation", "--pace", "lockstep")
         desk.detach("--arm", "six-axis", "--console", *options)
         yield desk
         desk.run("down")

@@ -22,6 +22,7 @@ from dtwin.equations.rigid import forward_dynamics, usual_inertia
 from dtwin.errors import ModelError
 from dtwin.fmu.chain import STEPS, write_chain_fmu
 from dtwin.fmu.sources import Subject, Version
+from dtwin.parameters import ROOT
 from tests.commands.test_cli import complain
 from tests.fmu.test_simulated import VERSIONS, Slave
 from tests.support.iec61499.c_harness import needs_compiler
@@ -255,6 +256,21 @@ def test_mistakes_get_one_line(
     file = tmp_path / "arm.fmu"
     assert said in complain(capsys, "fmu", words[0], str(file), *words[1:])
     assert not file.exists()
+
+
+def test_gears_that_yield_are_refused_and_their_controller_is_not(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, machine = str(tmp_path / "arm.fmu"), tmp_path / "worn.toml"
+    machine.write_text("[joints.elbow]\nrotor = 0.01\ngear_stiffness = 800.0\ngear_damping = 1.0\n")
+    said = complain(capsys, "fmu", "cell", file, "--arm", "planar-2r", "--machine", str(machine))
+    assert "worn.toml: the gears of elbow yield" in said
+    sheet = (ROOT / "arms" / "planar-2r.toml").read_text().replace('"planar', f'"{ROOT / "arms"}/planar')
+    own = tmp_path / "elastic.toml"
+    own.write_text(sheet.replace("[joints.elbow]\n", machine.read_text()))
+    assert "the gears of elbow yield" in complain(capsys, "fmu", "twin", file, "--arm", str(own))
+    assert main(["fmu", "twin", file, "--arm", str(own), "--machine", "ideal"]) == 0
+    assert main(["fmu", "controller", file, "--arm", str(own)]) == 0
 
 
 def test_a_drive_without_its_constant_is_named(tmp_path: Path) -> None:

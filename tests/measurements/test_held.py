@@ -48,7 +48,7 @@ def test_repeated_values_are_drawn_through_and_not_called_cut_off(arm: Arm, toge
     assert len(found) > 0.99 * 3 * len(log)
     truth = {row.name: row for row in numbers(identify(arm, [Sample(log)], Settings(groups=())))}
     got = [row for row in numbers(identify(arm, [Sample(found)], Settings(groups=()))) if row.told]
-    assert len(got) > 15
+    assert len(got) >= 4 * len(arm)  # friction of every joint at four speeds
     away = [abs(row.value - truth[row.name].value) < 1.5 * row.half + truth[row.name].half + 0.03 for row in got]
     assert np.mean(away) > 0.93
 

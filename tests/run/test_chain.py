@@ -117,3 +117,9 @@ def test_wrong_poses_are_told(text: str, message: str, tmp_path: Path) -> None:
     with pytest.raises(DtwinError, match=message) as caught:
         read_poses(file, arm_of("planar-2r"))
     assert str(file) in str(caught.value)
+
+
+def test_a_fault_that_never_came_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["run", "--arm", "planar-2r", "--duration", "2", "--fault", "K1*=0.9@1", "--fault", "K2*=0.7@75"]
+    assert main(words) == 0
+    assert "not come          K2*=0.7@75: the run was over at 2 s" in capsys.readouterr().out

@@ -55,6 +55,14 @@ def test_a_place_out_of_reach_is_refused_by_name(tmp_path: Path) -> None:
         sorting_poses(arm_of("planar-2r"), read_sorting(tmp_path / "task.toml"))
 
 
+def test_a_box_that_no_drive_holds_at_a_place_is_refused_by_name(tmp_path: Path) -> None:
+    (tmp_path / "task.toml").write_text(TASK.replace("[0.2, 0.4]", "[0.2, 9.0]"))
+    with pytest.raises(
+        UnreachableError, match=r"^pick: the drive of \w+ gives [\d.]+ N m, and [\d.]+ N m hold a box of 9"
+    ):
+        sorting_poses(arm_of("planar-2r"), read_sorting(tmp_path / "task.toml"))
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [

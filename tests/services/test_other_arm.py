@@ -102,7 +102,7 @@ def test_an_arm_in_real_time_is_watched_stopped_released_and_outlives_its_servic
 
 
 def test_the_monitor_of_another_arm_learns_it_names_a_fault_and_has_it_stopped(desk: Desk) -> None:
-    words = ["--arm", "planar-2r", "--machine", "7", "--pace", "lockstep", "--healthy", "15"]
+    words = ["--arm", "planar-2r", "--machine", "7", "--pace", "lockstep", "--healthy", "20"]
     assert "--monitoring beside it" in desk.run("up", *words, status=2)
     desk.detach(*words, "--monitoring", "--safe-stop")
     verdicts: list[MonitoringVerdict] = []
@@ -161,7 +161,7 @@ def assert_nothing_more_fails(verdicts: list[MonitoringVerdict], events: list[Ev
 
 
 def test_a_person_approves_what_recovery_of_another_arm_proposes(desk: Desk, tmp_path: Path) -> None:
-    words = ["--arm", "planar-2r", "--machine", "7", "--pace", "lockstep", "--monitoring", "--healthy", "15"]
+    words = ["--arm", "planar-2r", "--machine", "7", "--pace", "lockstep", "--monitoring", "--healthy", "20"]
     assert "expected --monitoring beside it" in desk.run("up", *words[:6], "--recovery", "propose", status=2)
     desk.detach(*words, "--recovery", "propose", "--history", str(tmp_path / "uploads.jsonl"))
     verdicts: list[MonitoringVerdict] = []

@@ -48,8 +48,8 @@ class ArmImport:
         path = self.out or (file if file == self.model else Path(file.name)).with_suffix(SUFFIX)
         if self.out is None and path.exists():
             raise ModelError(f"{path}: is there already: give --out FILE to write another one")
-        ensure_writable(path, SUFFIX)
         chain = chain_of(file, self.tip)
+        ensure_writable(path, SUFFIX)
         model = os.path.relpath(file.absolute(), path.absolute().parent)
         with replacing(path, SUFFIX) as temporary:
             temporary.write_text(imported(chain, Path(model).as_posix(), self.tip))

@@ -138,6 +138,8 @@ def _print(result: ChainRun, log: Path | None, record: Path | None) -> None:
         )
         if score["beyond_range"][k] > 0.0:
             lines[name] += f"; {score['beyond_range'][k]:.5f} {units[k]} beyond its range"
+    if missed := [str(fault) for fault in result.settings.faults if fault.start >= score["duration"]]:
+        lines["not come"] = f"{', '.join(missed)}: the run was over at {score['duration']:g} s"
     if boxes := score.get("boxes"):
         lines["boxes"] = (
             f"{boxes['arrived']} arrived, {boxes['picked']} picked, {boxes['delivered']} delivered, "

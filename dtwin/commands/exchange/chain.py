@@ -45,7 +45,8 @@ def write_arm(options: Any) -> bool:
         write_chain_fmu(options.file, "twin", options.fmi, _real(arm_of(cell.arm), options.machine or NOMINAL))
         return True
     settings = _settings(cell, options)
-    arm = _real(settings.arm, getattr(options, "machine", None) or cell.machine)
+    machine = getattr(options, "machine", None) or cell.machine
+    arm = settings.arm if options.subject == "controller" else _real(settings.arm, machine)
     write_chain_fmu(
         options.file,
         options.subject,
@@ -68,8 +69,17 @@ def _settings(cell: ArmCell, options: Any) -> ChainSettings:
 
 
 def _real(arm: Arm, machine: str) -> Arm:
-    """What an arm really is, without dry friction where it is ideal."""
+    """What an arm really is, without dry friction where it is ideal.
+
+    Raises:
+        ParameterError: its gears yield.
+    """
     found = machine_of(machine, arm)
+    if yielding := [joint.name for joint in found.arm.joints if joint.transmission is not None]:
+        raise ParameterError(
+            f"--machine {machine}: the gears of {' and '.join(yielding)} yield, and an FMU takes motor "
+            "and joint for one: expected --machine ideal, or a machine without gear_stiffness"
+        )
     if found.friction:
         return found.arm
     joints = (replace(joint, friction=Friction(joint.friction.viscous)) for joint in found.arm.joints)

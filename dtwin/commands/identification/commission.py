@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
@@ -16,6 +16,7 @@ from rich.table import Table
 from dtwin import __version__
 from dtwin.bus.messages import DECIDE, IDENTIFY
 from dtwin.bus.twin_messages import IdentificationDecision, IdentificationRequest, IdentificationState
+from dtwin.commands.cell.chain import THESIS
 from dtwin.commands.frame import at_least
 from dtwin.commands.hints import warn_of_places
 from dtwin.commissioning.collection import collect
@@ -53,10 +54,16 @@ class Commission:
     looked at. What the data do not tell keeps the value and the tolerance of the data sheet. With --out, every stage
     that is done is kept beside that file: the same command goes on where it was interrupted. The exit status is 1
     unless the fit of every joint on motion that was held out is at least 0.98.
+
+    With --arm it takes a log of any other serial arm, and keeps what its drives and encoders show while it is
+    healthy, for `dtwin monitor --arm` and `up --arm`. A log whose first half does not foretell its second is refused.
     """
 
     log: Annotated[Path | None, tyro.conf.Positional] = None
     """Parquet log of ordinary work."""
+    arm: str | None = None
+    """Another arm, a serial chain of any number of joints: a name of arms/, its file (*.toml), or a model (*.urdf,
+    *.xml), whose log `dtwin run --arm` or `up --arm` wrote."""
     live: bool = False
     """Collect the work from a running cell (dtwin up); needs --out. What was collected stays in a folder of its name
     and .data."""
@@ -84,6 +91,8 @@ class Commission:
     """Print the record as one JSON object on standard output and nothing else."""
 
     def execute(self) -> int:
+        if self.arm is not None and self.arm != THESIS:
+            return self._of_other_arm(self.arm)
         self._check()
         arm = load_arm(self.known) if self.known is not None else ArmParameters()
         console = Console(stderr=True, highlight=False)
@@ -113,6 +122,19 @@ class Commission:
         else:
             _print(found.record, [path for path in (self.out, self.report) if path is not None])
         return 0 if found.record.grade == "identified" else 1
+
+    def _of_other_arm(self, arm: str) -> int:
+        for field in fields(self):
+            if field.name not in ("log", "arm", "out", "json") and getattr(self, field.name) != field.default:
+                raise ParameterError(
+                    f"--{field.name.replace('_', '-')}: has no meaning for another arm than the thesis's: expected a "
+                    "log, which dtwin up --log writes of a running cell, --arm, --out and --json"
+                )
+        if self.log is None:
+            raise ParameterError("expected a log, which dtwin run --arm or dtwin up --arm writes with --log")
+        from dtwin.commands.identification.commission_arm import commission_arm  # only other arms need MuJoCo
+
+        return commission_arm(self.log, arm, self.out, self.json)
 
     def _check(self) -> None:
         if (self.log is None) != self.live:

@@ -4,20 +4,18 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Final
 
 from dtwin.emulation.chain.arms import arm_of
 from dtwin.errors import ParameterError, RecordingError
 from dtwin.monitoring.chain.finding import hidden_in_words
-from dtwin.monitoring.chain.sequential import doubt, watched
+from dtwin.monitoring.chain.learning import acquainted
+from dtwin.monitoring.chain.record import judged, read_arm_record
+from dtwin.monitoring.settings import LEAST_HEALTHY
 from dtwin.run.arm_log import read_arm_log
 from dtwin.terminal import print_json, printable
 
-LEAST_HEALTHY: Final = 20.0
-"""Shortest time in which an arm is learned, s: the longest window over which evidence is gathered passes twice."""
 
-
-def monitor_arm(log: Path, arm: str, healthy: float, json: bool) -> int:
+def monitor_arm(log: Path, arm: str, healthy: float, json: bool, commissioned: Path | None = None) -> int:
     """Looks for the first fault after the healthy stretch; returns the exit status, 1 with a finding.
 
     Args:
@@ -25,23 +23,26 @@ def monitor_arm(log: Path, arm: str, healthy: float, json: bool) -> int:
         arm: name of arms/, the arm's file or its model.
         healthy: time from the beginning in which the arm is healthy, s.
         json: print one JSON object.
+        commissioned: record of the healthy arm, with which there is no such stretch.
 
     Raises:
         ParameterError: the healthy stretch is too short.
         RecordingError: the log is too short, or what the arm does in the healthy stretch does not suffice to know it.
-        DtwinError: arm or log cannot be read.
+        DtwinError: arm, record or log cannot be read.
     """
     if not LEAST_HEALTHY <= healthy < math.inf:
         raise ParameterError(f"--healthy: expected at least {LEAST_HEALTHY:g} s, got {healthy:g}")
     known = arm_of(arm)
+    record = None if commissioned is None else read_arm_record(commissioned, known)
     rows = read_arm_log(log, known)
-    watch = watched(known, rows.t, rows.q, rows.target, rows.effort, healthy)
-    unsure = doubt(known, rows.t, rows.q, rows.target, rows.effort, healthy)
-    if unsure is not None:
-        raise RecordingError(
-            f"{log}: the first {healthy:g} s do not suffice to know the arm: who knows half of them would tell "
-            f"{unsure.text(known)}; expected a longer --healthy, without a fault and with all of the arm's work"
-        )
+    if record is not None:
+        watch = judged(record, known, (rows.t, rows.q, rows.target, rows.effort))
+    else:
+        try:
+            watch = acquainted(known, rows.t, rows.q, rows.target, rows.effort, healthy)
+        except RecordingError as error:
+            raise RecordingError(f"{log}: {error} (--healthy)") from None
+    learned = healthy if record is None else record.seconds
     found, hidden = watch.finding, watch.hidden()
     if json:
         finding = None
@@ -50,15 +51,15 @@ def monitor_arm(log: Path, arm: str, healthy: float, json: bool) -> int:
         print_json(
             {
                 "arm": known.name,
-                "healthy": healthy,
+                "healthy": learned,
                 "judged": float(rows.t[-1] - rows.t[0]),
                 "finding": finding,
                 "unobservable": {cause: size if math.isfinite(size) else None for cause, size in hidden.items()},
             }
         )
     else:
-        judged = f"arm {known.name}: learned in {healthy:g} s, judged until {rows.t[-1]:g} s"
-        print(printable(judged))
+        said = f"arm {known.name}: learned in {learned:g} s, judged until {rows.t[-1]:g} s"
+        print(printable(said))
         print(printable("nothing is wrong" if found is None else found.text(known)))
         if hidden:
             said = "; ".join(hidden_in_words(known, *each) for each in hidden.items())

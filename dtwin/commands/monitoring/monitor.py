@@ -36,6 +36,8 @@ from dtwin.signals import Event, of_monitor
 from dtwin.task import task_of
 from dtwin.terminal import as_text, print_json
 
+RECORD: Final = ".json"
+"""Ending of the records of `dtwin commission`; that of `dtwin identify --arm` is another one."""
 STATE_COLOURS: Final = {
     "nominal": "green",
     "may be degrading": "yellow",
@@ -63,8 +65,8 @@ class MonitorCommand:
     store: Path = STORE
     """Folder of identified models."""
     commissioned: Path | None = None
-    """Record of the healthy arm that `dtwin commission` wrote, instead of a model (default method); with --arm the
-    file that `dtwin identify --arm --out` wrote."""
+    """Record of the healthy arm that `dtwin commission` wrote, instead of a model (default method); with --arm that
+    of `dtwin commission --arm` (*.json), or the file that `dtwin identify --arm --out` wrote (*.toml)."""
     arm: str | None = None
     """Another arm, a serial chain of any number of joints: a name of arms/, its file (*.toml), or a model (*.urdf,
     *.xml). Its log is held against --commissioned; without that, the arm is learned at the beginning of the log, one
@@ -130,7 +132,10 @@ class MonitorCommand:
         return 1 if result.history or wrong else 0
 
     def _of_other_arm(self, arm: str) -> int:
-        own = ("columns", "commissioned") if self.commissioned is not None else ("healthy",)
+        record = self.commissioned
+        own: tuple[str, ...] = ("healthy",) if record is None else ("commissioned",)
+        if record is not None and record.suffix != RECORD:
+            own = ("columns", "commissioned")
         for field in fields(self):
             if field.name not in ("log", "arm", "json", *own) and getattr(self, field.name) != field.default:
                 raise ParameterError(
@@ -138,13 +143,13 @@ class MonitorCommand:
                     "or --healthy, beside the arm"
                 )
         # Only other arms need their readers.
-        if self.commissioned is not None:
+        if record is not None and record.suffix != RECORD:
             from dtwin.commands.monitoring.chain import monitored
 
-            return monitored(self.log, arm, self.commissioned, self.columns, self.json)
+            return monitored(self.log, arm, record, self.columns, self.json)
         from dtwin.commands.monitoring.first_fault import monitor_arm
 
-        return monitor_arm(self.log, arm, self.healthy, self.json)
+        return monitor_arm(self.log, arm, self.healthy, self.json, record)
 
     def _watched(self, run: Run, progress: Progress) -> Monitored:
         """What the default method makes of a run."""

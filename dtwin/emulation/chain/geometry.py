@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from dtwin.arm.chain import Arm, Array
+from dtwin.emulation.chain.mjcf import quietly
 from dtwin.emulation.chain.model import chain_spec
 from dtwin.errors import ModelError
 
@@ -51,11 +52,7 @@ class Geometry:
         found = _of_file(arm)
         self.own = found is not None
         self.model = _bars(arm) if found is None else found
-        self._data = mujoco.MjData(self.model)
-        one = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
-        for number in range(self.model.njnt):
-            if int(self.model.jnt_type[number]) in one:
-                self._data.qpos[self.model.jnt_qposadr[number]] = 0.0  # what is not in the chain is welded there
+        self._data = mujoco.MjData(self.model)  # what is not in the chain stays where the file has it
         self._addresses = [int(self.model.jnt_qposadr[k]) for k in _joints(self.model, arm)]
 
     def place(self, q: Array) -> mujoco.MjData:
@@ -130,7 +127,7 @@ def _lit(spec: mujoco.MjSpec) -> mujoco.MjModel:
     if all(texture.type != sky for texture in spec.textures):
         gradient = mujoco.mjtBuiltin.mjBUILTIN_GRADIENT
         spec.add_texture(type=sky, builtin=gradient, rgb1=_SKY, rgb2=_HAZE, width=64, height=384)
-    return spec.compile()
+    return quietly(spec)
 
 
 def _bar(body: mujoco.MjsBody, end: Array, radius: float) -> None:

@@ -1,11 +1,13 @@
 """Reads the serial chain of an MJCF file, as MuJoCo's own compiler understands the file.
 
 Defaults, includes, Euler angles and masses of geoms are resolved by the compiler; this module reads its result.
-Bodies that hang on a link beside the chain are welded at their position 0 and told as a remark.
+Bodies that hang on a link beside the chain are welded where the file has them and told as a remark.
 """
 
 from __future__ import annotations
 
+import logging
+import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -85,7 +87,7 @@ def read_mjcf(path: Path, tip: str | None = None) -> Arm:
                 links.append(Link(f"{name} before {joint_name(model, numbers[count])}", 0.0, *_empty()))
                 continue
             carried, frozen = _welded(model, body, set(chain))
-            remarks += [f"joint {joint} is not in the chain: it is welded at 0" for joint in frozen]
+            remarks += frozen
             links.append(_link(path, name, carried, anchor))
         if numbers:
             frame, anchor = _Frame(np.eye(3), -anchor), np.zeros(3)
@@ -97,6 +99,7 @@ def read_mjcf(path: Path, tip: str | None = None) -> Arm:
 
 _FLAT: Final = "mesh volume is too small"
 """What MuJoCo says of a mesh that is a surface."""
+_log: Final = logging.getLogger(__name__)
 _ABSENT: Final = "Error opening file"
 """What it says of a mesh or texture that is not there."""
 _PART: Final = "mujocoinclude"
@@ -109,6 +112,7 @@ def compiled(path: Path) -> mujoco.MjModel:
     Raises:
         ModelError: the file cannot be read, or MuJoCo cannot compile it.
     """
+    mujoco.set_mju_user_warning(_log.debug)  # else it writes them, such as of attributes that may go, to a file here
     try:
         if path.stat().st_size > _LARGEST:
             raise ModelError(f"{path}: expected at most {_LARGEST} bytes, got {path.stat().st_size}")
@@ -123,6 +127,8 @@ def compiled(path: Path) -> mujoco.MjModel:
 
 
 def _hint(message: str) -> str:
+    if _ABSENT in message:
+        return "; bodies without inertias of their own have their masses from such files"
     return "; this is a part, which a file with a root <mujoco> includes" if _PART in message else ""
 
 
@@ -140,9 +146,20 @@ def _with_other_meshes(path: Path, message: str) -> mujoco.MjModel | None:
     for mesh in spec.meshes:
         mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
     try:
-        return spec.compile()
+        return quietly(spec)
     except ValueError:
         return None
+
+
+def quietly(spec: mujoco.MjSpec) -> mujoco.MjModel:
+    """A model compiled without MuJoCo's warnings, such as of attributes that its next release may not know.
+
+    Raises:
+        ValueError: MuJoCo cannot compile it.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        return spec.compile()
 
 
 def _delete_meshes(spec: mujoco.MjSpec) -> None:
@@ -286,16 +303,23 @@ def _joint(path: Path, model: mujoco.MjModel, number: int, frame: _Frame, drive:
     )
 
 
-def _welded(model: mujoco.MjModel, body: int, chain: set[int]) -> tuple[_Body, list[str]]:
-    """The mass properties of a body with all that hangs on it beside the chain, in its frame, and frozen joints.
+def _frozen(model: mujoco.MjModel, number: int) -> str:
+    one = mujoco.mjtJoint(int(model.jnt_type[number])) in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
+    where = f"{model.qpos0[model.jnt_qposadr[number]]:g}" if one else "its place"
+    return f"joint {joint_name(model, number)} is not in the chain: it is welded at {where}"
 
-    What hangs on it by a body of the chain without a joint belongs to it as well.
+
+def _welded(model: mujoco.MjModel, body: int, chain: set[int]) -> tuple[_Body, list[str]]:
+    """The mass properties of a body with all that hangs on it beside the chain, in its frame, and remarks.
+
+    Joints are welded where the file has them, at 0 unless it says another position (ref). What hangs on it by a body
+    of the chain without a joint belongs to it as well.
     """
     found, frozen = _own(model, body), []
     for child in range(body + 1, model.nbody):
         if int(model.body_parentid[child]) != body or (child in chain and _joints_of(model, child)):
             continue
-        frozen += [joint_name(model, number) for number in _joints_of(model, child)]
+        frozen += [_frozen(model, number) for number in _joints_of(model, child)]
         part, more = _welded(model, child, chain)
         found, frozen = _together(found, _shifted(part, _place(model, child))), frozen + more
     return found, frozen

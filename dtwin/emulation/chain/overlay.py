@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from dtwin.arm.chain import Arm, Joint, Link, steiner
-from dtwin.emulation.chain.mjcf import compiled, jointed_below
+from dtwin.emulation.chain.mjcf import compiled, jointed_below, quietly
 from dtwin.emulation.chain.model import LOAD, chain_spec
 from dtwin.emulation.model import one_line
 from dtwin.errors import ModelError
@@ -38,7 +38,7 @@ def write_mjcf(arm: Arm, template: Path | None, path: Path) -> None:
     spec = _of_chain(arm) if template is None else _of_template(arm, template, path)
     with replacing(path, ".xml") as temporary:
         try:
-            spec.compile()
+            quietly(spec)
             temporary.write_text(spec.to_xml(), encoding="utf-8")
         except ValueError as error:
             raise ModelError(one_line(path, str(error))) from None

@@ -45,7 +45,7 @@ _FORGOTTEN: Final = 1e-15
 """Factor of a state of presliding from which on rounding forgets it."""
 _SOFT_LEAD: Final = 0.95 * 0.02 / 2.0
 """1 / b for the usual reference of a constraint (solref 0.02 1, dmax 0.95), s."""
-_SOFT_SPEEDS: Final = (0.003, 0.006, 0.012, 0.024)
+_SOFT_SPEEDS: Final = (0.00075, 0.0015, 0.003, 0.006, 0.012, 0.024)
 """Parts of the usual speed over which soft friction turns over; a factor of two apart."""
 _LENGTHS: Final = (0.005, 0.015, 0.05, 0.15)
 """Parts of the usual travel over which an element of presliding turns over; a factor of three apart."""

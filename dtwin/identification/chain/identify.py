@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from dtwin.arm.chain import Actuator, Arm, Array
+from dtwin.arm.chain import Arm, Array
 from dtwin.errors import IdentificationError
 from dtwin.identification.chain.consistency import nearest_possible
 from dtwin.identification.chain.design import Design, Filtering, Rigid, Smooth, rigid_of, rows_of, scales_of, smooth
@@ -16,22 +16,13 @@ from dtwin.identification.chain.fit import Fit, Prior, fit, squares
 from dtwin.identification.chain.friction import CANDIDATES, Group
 from dtwin.identification.chain.intervals import covariance_of, inverse
 from dtwin.identification.chain.moments import FOLDS, Moments, columns, layout_of, moments_of
+from dtwin.identification.chain.prior import constant_of, prior_of
 from dtwin.measurements.measurement import Measurement
 
 _BETTER: Final = 0.99
 """Held-out error, relative to that without, below which a group of terms has proved itself."""
-_WEIGHED: Final = 1e-3
-"""Relative standard deviation of a load that was weighed."""
 _SESSION: Final = 0.01
 """Relative standard deviation of a drive's constant between sessions: 0.1 % a kelvin for usual magnets, 10 K."""
-_UNKNOWN_GAIN: Final = 1.0
-"""Standard deviation of the logarithm of a gain that nobody knows."""
-_WIDE: Final = 10.0
-"""Deviation of a basic friction term, in parts of the joint's usual effort."""
-_FORM: Final = 2.0
-"""What the form of friction changes, in parts of the usual change by one term that is left out."""
-_NARROW: Final = 0.3
-"""Deviation of any other friction term; a factor of ten to both sides changes the held-out error by a hundredth."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,9 +64,9 @@ class Identification:
         prior: what was known before.
         found: the estimate, with bodies that can be.
         plain: the estimate before that.
-        with_all: the estimate with all friction terms, for the same gains.
-        apart: what leaving out one friction term would change of the unknowns, term by term, (terms, size).
+        bands: what leaving out one band of every joint's speed would change of the unknowns, (bands, size).
         covariance: of the used unknowns, then of the logarithms of the gains.
+        guessed: the part of it that comes from how far bodies may be from the data sheet, which is a guess.
         groups: friction terms that proved themselves.
         held_out: error of each choice of groups on motion that it was not fitted to, in parts of the effort, (n,).
     """
@@ -86,9 +77,9 @@ class Identification:
     prior: Prior
     found: Fit
     plain: Fit
-    with_all: Fit
-    apart: Array
+    bands: Array
     covariance: Array
+    guessed: Array
     groups: tuple[Group, ...]
     held_out: Mapping[tuple[Group, ...], Array]
 
@@ -103,16 +94,27 @@ class Identification:
     def combined(self, weights: Array) -> tuple[float, float]:
         """A weighted sum of the unknowns, (size,) weights, and its standard deviation.
 
-        Terms that did not prove themselves may be there all the same: what they would change counts as well. So does
-        that friction has a form which no terms have: it is told by what the sum owes to single terms.
+        Friction has a form which no terms have, and what that misses is the same whenever a joint is as fast, so that
+        no correlation in time shows it. The unknowns would change with the speeds that are looked at (Hausman 1978),
+        which the jackknife over bands of speed counts, beside what the correlation in time makes of them.
         """
         used = np.flatnonzero(self.found.used)
         inner = self.covariance[: len(used), : len(used)]
         spread = float(np.sqrt(weights[used] @ inner @ weights[used]))
-        change = float(weights @ (self.with_all.unknowns - self.plain.unknowns))
-        owed = self.apart @ weights
-        form = _FORM * float(np.sqrt(np.mean(owed**2))) if len(owed) else 0.0
-        return float(weights @ self.found.unknowns), float(np.sqrt(spread**2 + change**2 + form**2))
+        count = len(self.bands)
+        form = float(np.sqrt((count - 1) / count * np.sum((self.bands @ weights) ** 2)))
+        return float(weights @ self.found.unknowns), float(np.hypot(spread, form))
+
+    def guess(self, weights: Array) -> float:
+        """The part of the variance of a weighted sum of the unknowns, (size,) weights, that is the guess of bodies.
+
+        Motion tells some bodies only together (base parameters, Gautier and Khalil 1990): how the sum is shared among
+        them is as wide as it was guessed, far wider than arms of one kind differ.
+        """
+        used = np.flatnonzero(self.found.used)
+        inner = self.guessed[: len(used), : len(used)]
+        _, deviation = self.combined(weights)
+        return float(weights[used] @ inner @ weights[used]) / max(deviation**2, 1e-300)
 
     def gain_deviations(self) -> Array:
         """Relative standard deviations of the gains, (n,)."""
@@ -172,21 +174,21 @@ def identify(arm: Arm, samples: Sequence[Sample], settings: Settings | None = No
     scales = scales_of([stretch for _, stretch in stretches])
     rigid = [rigid_of(arm, stretch, scales, settings.filtering) for _, stretch in stretches]
     rough = moments_of(first := _design(arm, stretches, rigid, settings, None))
-    prior = _prior(first, rough, settings)
+    prior = prior_of(first, rough, settings.masses)
     start = fit(rough, prior, _used(first, CANDIDATES))
     carried = {sample.load: _with_load(rough, start, sample.load) for sample in samples}
     design = _design(arm, stretches, rigid, settings, carried)
     moments = moments_of(design)
-    prior = _prior(design, moments, settings)
+    prior = prior_of(design, moments, settings.masses)
     groups, held_out = _chosen(design, moments, prior, settings)
     found = fit(moments, prior, _used(design, groups))
-    with_all = fit(moments, prior, _used(design, CANDIDATES), start=found)
-    apart = _apart(design, moments, prior, found)
-    covariance = covariance_of(design, moments, prior, found)
+    bands = _by_band(design, prior, found)
+    covariance, guessed = covariance_of(design, moments, prior, found)
     possible = _possible(moments, prior, found, covariance)
     inertial = possible.unknowns[: 10 * len(arm)]
     new = arm.with_parameters(inertial)
-    return Identification(new, design, moments, prior, possible, found, with_all, apart, covariance, groups, held_out)
+    intervals = bands, covariance, guessed
+    return Identification(new, design, moments, prior, possible, found, *intervals, groups, held_out)
 
 
 def _check(arm: Arm, samples: Sequence[Sample], settings: Settings) -> None:
@@ -204,7 +206,7 @@ def _check(arm: Arm, samples: Sequence[Sample], settings: Settings) -> None:
             f"expected one kind of effort in all measurements, got {' and '.join(sorted(kinds))}"
         )
     kind = kinds.pop()
-    known = all(_constant(joint.actuator, kind) is not None for joint in arm.joints)
+    known = all(constant_of(joint.actuator, kind) is not None for joint in arm.joints)
     if kind != "torque" and not known and not settings.masses:
         raise IdentificationError(
             f"the {kind}s have no scale: expected the constant of every actuator in the arm's file, or a "
@@ -255,87 +257,11 @@ def _used(design: Design, groups: Sequence[Group]) -> np.ndarray:
     return used
 
 
-def _apart(design: Design, moments: Moments, prior: Prior, found: Fit) -> Array:
-    """What leaving out each term that tells the form of friction would change of the unknowns, (terms, size)."""
-    layout = moments.layout
-    changes = [np.zeros((0, layout.size))]
-    for name, group in zip(design.names[0], design.groups[0], strict=True):
-        places = [layout.friction(j).start + names.index(name) for j, names in enumerate(design.names)]
-        if group not in ("basic", "rotor") and found.used[places].all():
-            used = found.used.copy()
-            used[places] = False
-            changes.append((fit(moments, prior, used, start=found).unknowns - found.unknowns)[None])
-    return np.concatenate(changes)
-
-
-def _prior(design: Design, moments: Moments, settings: Settings) -> Prior:
-    """The data sheet, told widely: a body's mass may be twice as large, its moments anything of its size."""
-    arm, layout = design.arm, moments.layout
-    products, count = moments.without(None)
-    mean, deviation = np.zeros(layout.size), np.full(layout.size, np.inf)
-    mean[: 10 * len(arm)] = arm.parameters
-    total = sum(link.mass for link in arm.links)
-    reach = max(float(np.linalg.norm(joint.translation)) for joint in arm.joints) or 0.1
-    unit = np.array([1.0, *[reach] * 3, *[reach**2] * 6])
-    for link, body in enumerate(arm.links):
-        deviation[10 * link : 10 * link + 10] = max(body.mass, 0.05 * total) * unit
-    for name in layout.loads:
-        place = layout.load(name)
-        deviation[place] = 0.3 * total * unit
-        if name in settings.masses:
-            mean[place.start], deviation[place.start] = settings.masses[name], _WEIGHED * settings.masses[name]
-    gain, gain_deviation = _gain_prior(design, products, count)
-    for joint, groups in enumerate(design.groups):
-        place = layout.friction(joint)
-        size = np.sqrt(np.diag(products[joint])[place] / count) + 1e-12
-        effort = gain[joint] * np.sqrt(products[joint, -1, -1] / count)
-        deviation[place] = np.where(np.isin(groups, ("basic", "soft")), _WIDE, _NARROW) * effort / size
-    return Prior(mean, deviation, gain, gain_deviation)
-
-
-def _gain_prior(design: Design, products: Array, count: float) -> tuple[Array, Array]:
-    """Gains as the arm's file gives them; where it does not, as the data sheet's masses would have them.
-
-    A torque has its scale, but of a drive with a loop of its own only as far as its stiffness is known.
-    """
-    actuators = [joint.actuator for joint in design.arm.joints]
-    if design.kind == "torque":
-        own = [actuator.tolerance if actuator.commanded == "position" else 0.0 for actuator in actuators]
-        return np.ones(len(own)), np.array(own)
-    constants = [_constant(actuator, design.kind) for actuator in actuators]
-    known = np.array([np.nan if constant is None else constant for constant in constants])
-    tolerance = np.array(
-        [_UNKNOWN_GAIN if c is None else a.tolerance for a, c in zip(actuators, constants, strict=True)]
-    )
-    by_weight = np.array([_by_weight(design, products[joint], joint) for joint in range(len(actuators))])
-    likely = np.nanmedian(by_weight) if np.isfinite(by_weight).any() else 1.0
-    guessed = np.where(np.isfinite(by_weight), by_weight, likely)
-    gain = np.where(np.isfinite(known), known, guessed)
-    return gain, tolerance
-
-
-def _constant(actuator: Actuator, kind: str) -> float | None:
-    """Torque per unit of what was logged; that of another quantity says nothing of it."""
-    return actuator.constant if actuator.commanded == kind else None
-
-
-def _by_weight(design: Design, products: Array, joint: int) -> float:
-    """The gain by which the effort explains the torque of the data sheet's arm, beside basic friction.
-
-    NaN where it explains next to nothing.
-    """
-    layout = layout_of(design)
-    place = layout.friction(joint)
-    basic = place.start + np.flatnonzero(np.array(design.groups[joint]) == "basic")
-    inertial = np.zeros(layout.size + 1)
-    inertial[: 10 * len(design.arm)] = design.arm.parameters
-    directions = np.stack([inertial, *np.eye(layout.size + 1)[basic]])
-    normal = directions @ products @ directions.T
-    right = directions @ products[:, -1]
-    inverse = np.linalg.pinv(normal, rcond=1e-10)
-    slope = float((inverse @ right)[0])
-    explained = slope**2 / inverse[0, 0] / products[-1, -1]
-    return 1.0 / slope if slope > 0.0 and explained > 0.01 else float("nan")
+def _by_band(design: Design, prior: Prior, found: Fit) -> Array:
+    """What leaving out each band of speed would change of the unknowns, (bands, size)."""
+    moments = moments_of(design, by_speed=True)
+    bands = range(len(moments.counts))
+    return np.stack([fit(moments, prior, found.used, band, found).unknowns - found.unknowns for band in bands])
 
 
 def _chosen(

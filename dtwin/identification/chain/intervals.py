@@ -22,8 +22,11 @@ _LONGEST: Final = 3.0
 """Longest correlation in time that is looked at, s."""
 
 
-def covariance_of(design: Design, moments: Moments, prior: Prior, found: Fit) -> Array:
-    """Covariance of the unknowns that were used and of the logarithms of all gains, (used + n, used + n)."""
+def covariance_of(design: Design, moments: Moments, prior: Prior, found: Fit) -> tuple[Array, Array]:
+    """Covariance of the unknowns that were used and of the logarithms of all gains, (used + n, used + n).
+
+    And the part of it that is what bodies were guessed to be at most, of the same shape.
+    """
     layout, share = moments.layout, moments.share
     chosen = np.flatnonzero(found.used)
     n, size = layout.joints, len(chosen)
@@ -49,7 +52,9 @@ def covariance_of(design: Design, moments: Moments, prior: Prior, found: Fit) ->
     lost = effective / max(effective - size, 0.25 * effective)
     outer = inverse(bread)
     found_covariance: Array = outer @ (np.diag(known) + lost * (meat - np.diag(known))) @ outer
-    return found_covariance
+    bodies = outer[:, : int(np.searchsorted(chosen, 10 * n))]
+    guessed: Array = bodies * known[: bodies.shape[1]] @ bodies.T
+    return found_covariance, guessed
 
 
 def longest_of(design: Design) -> int:

@@ -121,20 +121,35 @@ def columns(layout: Layout, rows: Rows) -> Array:
     return found
 
 
-def moments_of(design: Design) -> Moments:
-    """The sums of products of a design."""
+def moments_of(design: Design, by_speed: bool = False) -> Moments:
+    """The sums of products of a design.
+
+    Args:
+        design: the equations.
+        by_speed: whether a fold is a band of the joint's own speed, instead of a part of every stretch; as many rows
+            are in each.
+    """
     layout = layout_of(design)
     n, size = layout.joints, layout.size
     products, counts = np.zeros((FOLDS, n, size + 1, size + 1)), np.zeros(FOLDS)
     for rows in design.rows:
         every = np.concatenate([columns(layout, rows), rows.effort[:, :, None]], axis=2)
-        parts = np.array_split(np.arange(len(every)), FOLDS)
         for joint in range(n):
+            order = np.arange(len(every))
+            if by_speed:
+                order = np.argsort(np.abs(_speed(design, rows, joint)), kind="stable")
+            parts = np.array_split(order, FOLDS)
             places = np.append(layout.of_joint(joint), size)
             mine = np.ascontiguousarray(every[:, joint, places])
             for fold, part in enumerate(parts):
-                block = mine[part[0] : part[-1] + 1] if len(part) else mine[:0]
+                block = mine[part]
                 products[fold, joint, places[:, None], places] += block.T @ block
-        counts += [len(part) for part in parts]
+        counts += [len(part) for part in np.array_split(np.arange(len(every)), FOLDS)]
     dt = float(np.median([rows.dt for rows in design.rows]))
     return Moments(layout, products, counts, min(1.0, 2.0 * design.filtering.cutoff * dt))
+
+
+def _speed(design: Design, rows: Rows, joint: int) -> Array:
+    """Velocity of a joint, filtered as the effort is, (N,)."""
+    found: Array = rows.terms[joint][:, design.names[joint].index("viscous")]
+    return found

@@ -20,6 +20,8 @@ NINETY_FIVE: Final = 1.96
 """Half width of a 95 % interval in standard deviations."""
 _TOLD: Final = 0.5
 """Part of the prior's deviation that is left where the data tell a number."""
+_GUESSED: Final = 0.5
+"""Part of a variance from which on the interval is what was guessed of bodies, and no motion tells the number."""
 _SLID: Final = 1.0
 """Time for which a joint has to slide in a direction so that its friction there is told, s."""
 _SO_FAST: Final = 0.5
@@ -130,7 +132,7 @@ def _sum(found: Identification, name: str, place: slice, weights: Array) -> Numb
     every[place] = weights
     value, deviation = found.combined(every)
     before = np.where(weights != 0.0, found.prior.deviation[place], 0.0)
-    told = deviation < _TOLD * float(np.linalg.norm(weights * before))
+    told = deviation < _TOLD * float(np.linalg.norm(weights * before)) and found.guess(every) < _GUESSED
     return Number(name, value, NINETY_FIVE * deviation, bool(told))
 
 

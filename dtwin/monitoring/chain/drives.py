@@ -7,6 +7,7 @@ the healthy stretch, and as large as anybody wants to know of it.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -110,40 +111,63 @@ class Alarm:
 
 
 class Drives:
-    """The drives of an arm, learned from a healthy stretch.
+    """The drives of an arm, which `learn` or `recall` gets to know.
 
     Args:
         arm: the arm as its data sheet says.
-        t: times of the healthy samples, (N,), s.
-        q: what the encoders read, (N, n), rad or m.
-        effort: what acts at the samples, (N, n), in the units of the drives.
 
-    Raises:
-        RecordingError: it is shorter than the filter.
+    Attributes:
+        expected: what they are expected to need.
+        bounds: lengths of windows, and the ratio of every cause, (c,), from which on it is evidence.
+        alike: how many times larger likelihood ratios of healthy samples are than of white noise.
+        alarm: the first evidence; None while there is none.
     """
 
-    def __init__(self, arm: Arm, t: Array, q: Array, effort: Array) -> None:
+    def __init__(self, arm: Arm) -> None:
+        n = len(arm)
         self._arm = arm
-        self._expected = Expected(arm)
-        learned = filtered(arm, t, q, effort)
-        self._expected.learn(learned)
-        self._times, self._innovation = np.zeros(0), np.zeros((0, len(arm)))
-        self._columns = np.zeros((0, len(arm), 0))
-        self._add(learned)
+        self.expected = Expected(arm)
+        self._times, self._innovation = np.zeros(0), np.zeros((0, n))
+        self._names = (
+            "load",
+            *(f"{kind}{j + 1}" for j in range(n) for kind in ("K", "friction", "bias", "push")),
+        )
+        self._columns = np.zeros((0, n, len(self._names)))
+        self._rest = np.zeros(0), np.zeros((0, n)), np.zeros((0, n))
         self._learned, self._most = 0, list[Array]()
-        evidence = self._evidence()
         self._least = np.array([_least(arm, name) for name in self._names])
-        self._bounds, self._alike = [], 1.0
+        self.bounds, self.alike = list[tuple[int, Array]](), 1.0
+        self._count = self._first = 0
+        self.alarm: Alarm | None = None
+
+    def recall(self, bounds: Sequence[tuple[int, Array]], alike: float) -> None:
+        """Takes what an earlier healthy stretch has shown: see the attributes."""
+        self.bounds, self.alike = list(bounds), alike
+
+    def learn(self, t: Array, q: Array, effort: Array) -> None:
+        """Learns from a healthy stretch.
+
+        Args:
+            t: times of the samples, (N,), s.
+            q: what the encoders read, (N, n), rad or m.
+            effort: what acts at the samples, (N, n), in the units of the drives.
+
+        Raises:
+            RecordingError: it is shorter than the filter.
+        """
+        learned = filtered(self._arm, t, q, effort)
+        self.expected.learn(learned)
+        self._add(learned)
+        evidence = self._evidence()
         for window in WINDOWS:
             healthy = evidence.over(window)[0][window:-1]
             if not len(healthy):  # as long as the stretch that was learned, of which nothing is known
                 continue
-            self._alike = max(self._alike, float(healthy.mean()))
-            self._bounds.append((window, np.maximum(FACTOR * healthy.max(axis=0), LEAST)))
+            self.alike = max(self.alike, float(healthy.mean()))
+            self.bounds.append((window, np.maximum(FACTOR * healthy.max(axis=0), LEAST)))
         self._count = self._first = len(learned.t)
         used = EVERY * len(learned.t)
         self._rest = t[used:], q[used:], effort[used:]
-        self.alarm: Alarm | None = None
 
     def forget(self) -> None:
         """Begins a new stretch after samples that nobody knows."""
@@ -157,8 +181,8 @@ class Drives:
         self.alarm = None
         if adjustment is not None:
             self._learned = self._count + self._after(AGAIN)
-            self._most = [np.zeros(len(self._names)) for _ in self._bounds]
-            self._expected.adjust(np.array(adjustment.friction), adjustment.load)
+            self._most = [np.zeros(len(self._names)) for _ in self.bounds]
+            self.expected.adjust(np.array(adjustment.friction), adjustment.load)
 
     def follow(self, t: Array, q: Array, effort: Array) -> ChainFinding | None:
         """Takes further samples; the cause once there is evidence and SOON has passed since, and again after LATER.
@@ -188,7 +212,7 @@ class Drives:
     def visible(self) -> dict[str, float]:
         """Least size of every cause that the last seconds would have shown; inf where nothing would have."""
         found = np.full(len(self._names), np.inf)
-        for window, bound in self._bounds:
+        for window, bound in self.bounds:
             power = np.einsum("njc,njc->c", self._columns[-window:], self._columns[-window:])
             found = np.minimum(found, np.sqrt(bound / np.maximum(power, _NOTHING)))
         most = np.array([MOST.get(name.rstrip("0123456789"), _UNSEEN) for name in self._names])
@@ -223,19 +247,20 @@ class Drives:
         begin = self._count - len(self._times)
         first = max(self._first, alarm.sample + 1 - alarm.window, begin)
         end = min(last, alarm.sample + 1 + self._after(LATER), self._count)
-        return _named(evidence, first - begin, alarm.sample + 1 - begin, end - begin, self._alike, alarm.time)
+        return _named(evidence, first - begin, alarm.sample + 1 - begin, end - begin, self.alike, alarm.time)
 
     def _alarmed(self, evidence: Evidence, begin: int, made: int) -> Alarm | None:
         """The first of the last samples for which some window is evidence enough."""
         fresh = max(0, len(self._times) - made)
         best: Alarm | None = None
         learns = self._learns()
-        for k, (window, bound) in enumerate(self._bounds):
+        for k, (window, bound) in enumerate(self.bounds):
             ratio, size = evidence.over(window)
             if learns:
                 self._most[k] = np.maximum(self._most[k], ratio[fresh:].max(axis=0))
                 bound = CAUTION * bound
             enough = (ratio[fresh:] > bound) & (np.abs(size[fresh:]) > self._least)
+            enough[: max(0, window - 1 - fresh)] = False  # what is shorter has the bound of a shorter window
             sure = np.flatnonzero(enough.any(axis=1))
             if len(sure) and (best is None or begin + fresh + int(sure[0]) < best.sample):
                 at = fresh + int(sure[0])
@@ -248,20 +273,19 @@ class Drives:
         if self._count <= self._learned:
             return True
         if self._most:
-            self._bounds = [
+            self.bounds = [
                 (window, np.maximum(bound, FACTOR * most))
-                for (window, bound), most in zip(self._bounds, self._most, strict=True)
+                for (window, bound), most in zip(self.bounds, self._most, strict=True)
             ]
             self._most = []
         return False
 
     def _add(self, log: Filtered) -> None:
-        innovation, causes = self._expected.evidence(log)
-        self._names = tuple(causes)
-        columns = np.stack(list(causes.values()), axis=2)
+        innovation, causes = self.expected.evidence(log)
+        columns = np.stack([causes[name] for name in self._names], axis=2)
         self._times = np.concatenate([self._times, log.t])
         self._innovation = np.concatenate([self._innovation, innovation])
-        self._columns = np.concatenate([self._columns, columns]) if self._columns.shape[2] else columns
+        self._columns = np.concatenate([self._columns, columns])
 
     def _shorten(self) -> None:
         """Keeps what the longest window and the naming of a cause need."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Final
 
+import msgspec
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
@@ -36,25 +37,61 @@ _REPEATED: Final = 4
 """Equal readings at the end of a stay from which on the encoder may repeat itself, after some that differ."""
 
 
-class Encoders:
-    """The encoders of an arm whose healthy motion is known.
+class Habits(msgspec.Struct, frozen=True):
+    """What the encoders of a healthy arm show, one number for each joint.
+
+    Attributes:
+        jump: jump from which on it is none of motion and noise, rad or m.
+        drift: largest way from the path within three samples, rad or m.
+        held: longest way on which a joint was led within STILL samples while it stayed, rad or m.
+        error: largest distance from the path, rad or m.
+        repeats: most equal readings in a row while the joint was led by a step of its encoder or more.
+    """
+
+    jump: tuple[float, ...]
+    drift: tuple[float, ...]
+    held: tuple[float, ...]
+    error: tuple[float, ...]
+    repeats: tuple[int, ...]
+
+
+def habits_of(arm: Arm, q: Array, target: Array) -> Habits:
+    """What encoders show.
 
     Args:
         arm: the arm.
         q: what they read while it was healthy, (N, n), rad or m.
         target: desired positions meanwhile, (N, n).
     """
+    steps = np.array([joint.step for joint in arm.joints])
+    jump, _, away = _ways(q, target)
+    led = np.abs(target[STILL:] - target[:-STILL])
+    still = _width(q) <= _near(steps, arm.tolerances.noise, led)
+    held: Array = np.max(led, axis=0, where=still, initial=0.0)
+    return Habits(
+        tuple((2.0 * np.abs(jump).max(axis=0) + 4.0 * steps + _JUMP).tolist()),
+        tuple(np.abs(away).max(axis=0).tolist()),
+        tuple(held.tolist()),
+        tuple(np.abs(q - target).max(axis=0).tolist()),
+        tuple(_repeats(*pair) for pair in zip(q.T, target.T, steps, strict=True)),
+    )
 
-    def __init__(self, arm: Arm, q: Array, target: Array) -> None:
+
+class Encoders:
+    """The encoders of an arm whose healthy motion is known.
+
+    Args:
+        arm: the arm.
+        habits: what they showed while it was healthy.
+    """
+
+    def __init__(self, arm: Arm, habits: Habits) -> None:
         self._steps = np.array([joint.step for joint in arm.joints])
         self._noise = arm.tolerances.noise
-        jump, _, away = _ways(q, target)
-        self._largest = 2.0 * np.abs(jump).max(axis=0) + 4.0 * self._steps + _JUMP
-        self._drift = np.abs(away).max(axis=0)
-        led = np.abs(target[STILL:] - target[:-STILL])
-        still = _width(q) <= self._near(led)
-        self._held: Array = np.max(led, axis=0, where=still, initial=0.0)
-        self._errors: Array = np.abs(q - target).max(axis=0)
+        self._largest = np.array(habits.jump)
+        self._drift = np.array(habits.drift)
+        self._held = np.array(habits.held)
+        self._errors = np.array(habits.error)
 
     def first(self, t: Array, q: Array, target: Array, new: int) -> ChainFinding | None:
         """The first jump, repetition or stay whose last sample is one of the last `new` ones; None if there is none.
@@ -67,11 +104,6 @@ class Encoders:
         """
         found = [*self._jumps(t, q, target, new), *self._stays(t, q, target, new)]
         return min(found, key=lambda each: each.time, default=None)
-
-    def _near(self, led: Array) -> Array:
-        """The width within which a joint that is led so far counts as staying."""
-        near: Array = np.maximum(_NEAR * self._steps + 6.0 * self._noise, _PART * led)
-        return near
 
     def _jumps(self, t: Array, q: Array, target: Array, new: int) -> Iterator[ChainFinding]:
         if len(t) < 4:
@@ -89,7 +121,7 @@ class Encoders:
         if len(t) <= STILL:
             return
         led = np.abs(target[STILL:] - target[:-STILL])
-        stays = (_width(q) <= self._near(led)) & (led > np.maximum(_LED, _FACTOR * self._held))
+        stays = (_width(q) <= _near(self._steps, self._noise, led)) & (led > np.maximum(_LED, _FACTOR * self._held))
         # Friction gives way once its joint is so far behind that the feedback presses hard enough; a lock never does.
         stays &= (_width(q) == 0.0) | (np.abs(q - target)[STILL:] > _GRIPPED * self._errors)
         first = max(0, len(led) - new)
@@ -110,6 +142,20 @@ class Encoders:
             return ("lock",)
         exact = self._noise > 0.0 and self._steps[joint] < 4.0 * self._noise
         return ("freeze",) if exact and equal > STILL // 2 else ("freeze", "lock")
+
+
+def _near(steps: Array, noise: float, led: Array) -> Array:
+    """The width within which a joint that is led so far counts as staying."""
+    near: Array = np.maximum(_NEAR * steps + 6.0 * noise, _PART * led)
+    return near
+
+
+def _repeats(q: Array, target: Array, step: float) -> int:
+    """Most equal readings in a row, (N,), while the path, (N,), goes on by more than a step and more than nothing."""
+    led = np.abs(np.diff(target)) > max(step, 1e-9)
+    equal = (np.diff(q) == 0.0) & led
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], equal, [False]]).astype(int))).reshape(-1, 2)
+    return 1 + int(np.max(edges[:, 1] - edges[:, 0], initial=0))
 
 
 def _ways(q: Array, target: Array) -> tuple[Array, Array, Array]:

@@ -23,6 +23,8 @@ WINDOW: Final = 11
 """Samples of the filter (Savitzky and Golay 1964) by which positions become velocities and accelerations."""
 EVERY: Final = 5
 """One filtered sample of so many is used: neighbours share most of their noise."""
+BLOCK: Final = 2.0
+"""Stretch that counts as one independent observation for the covariance, s."""
 _STEP: Final = 1e-6
 _SLOW: Final = 0.02
 """Speed below which nobody knows which way dry friction acts, in parts of the joint's largest speed."""
@@ -81,6 +83,9 @@ class Expected:
 
     Attributes:
         noise: usual difference of command and expectation, (n,), in the units of the drives; set by `learn`.
+        values: parameters of links (10 n), rotors, viscous, dry and load-dependent friction, and offsets (n each), as
+            torques by the data sheet's constants; set by `learn`.
+        covariance: of these, (15 n, 15 n); set by `learn`.
     """
 
     def __init__(self, arm: Arm) -> None:
@@ -93,28 +98,43 @@ class Expected:
         tool = arm.tool
         self._mass = np.array([1.0, *tool, *steiner(tool)[np.tril_indices(3)]])
         self._mean, self._deviation = self._known()
-        self._values = self._mean.copy()
-        self._now = self._values.copy()
+        self.values = self._mean.copy()
+        self.covariance = np.diag(self._deviation**2)
+        self._now = self.values.copy()
         self.noise = np.ones(len(arm))
 
+    def recall(self, values: Array, covariance: Array, noise: Array) -> None:
+        """Takes what an earlier stretch has shown."""
+        self.values, self.covariance, self.noise = values, covariance, noise
+        self._now = values.copy()
+
     def learn(self, log: Filtered) -> None:
-        """Takes the parameters and the noise from a healthy stretch."""
+        """Takes the parameters and the noise from a healthy stretch.
+
+        Residuals follow one another, so that the covariance counts them in blocks (White 1980).
+        """
         columns, weights = self._columns(log), self._weights(log)
         for _ in range(2):  # the second time with the noise that the first has found
             precision = np.diag(1.0 / self._deviation**2)
             scaled = columns * (weights / self.noise)[:, :, None]
             rest = (log.effort - columns @ self._mean) * weights / self.noise
             flat = scaled.reshape(-1, columns.shape[2])
-            found = np.linalg.solve(flat.T @ flat + precision, flat.T @ rest.ravel())
-            self._values = self._mean + found
-            left = weights * (log.effort - columns @ self._values)
+            curvature = flat.T @ flat + precision
+            found = np.linalg.solve(curvature, flat.T @ rest.ravel())
+            self.values = self._mean + found
+            left = weights * (log.effort - columns @ self.values)
+            scores = np.einsum("njp,nj->np", scaled, left / self.noise)
             self.noise = np.maximum(np.sqrt(np.mean(left**2, axis=0)), 1e-9)
-        self._now = self._values.copy()
+        rows = max(1, round(BLOCK / (EVERY * self._arm.period)))
+        sums = np.add.reduceat(scores, np.arange(0, len(scores), rows), axis=0)
+        inverse = np.linalg.inv(curvature)
+        self.covariance = inverse @ (sums.T @ sums + precision) @ inverse
+        self._now = self.values.copy()
 
     def adjust(self, friction: Array, load: float) -> None:
         """Counts on other friction, (n,), in parts of what was learned, and on a further load, kg."""
         n = len(self._arm)
-        self._now = self._values.copy()
+        self._now = self.values.copy()
         self._now[11 * n : 14 * n] *= np.tile(friction, 3)
         self._now[10 * (n - 1) : 10 * n] += load * self._mass
 

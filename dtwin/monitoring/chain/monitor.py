@@ -13,6 +13,7 @@ from dtwin.arm.chain import Arm, Array
 from dtwin.bus.twin_messages import MonitoredUnit, MonitoringVerdict, UnitState
 from dtwin.errors import ParameterError
 from dtwin.monitoring.chain.finding import CAUSES, ChainFinding, hidden_in_words
+from dtwin.monitoring.chain.learning import Learning
 from dtwin.monitoring.chain.sequential import HEALTHY, FirstFault
 from dtwin.signals import Event, EventKind
 
@@ -27,7 +28,8 @@ class ArmMonitor:
 
     Args:
         arm: the arm as its data sheet says.
-        healthy: time in which it is learned, s.
+        healthy: time in which it is learned, s; longer where its motion does not suffice (`Learning`).
+        known: who knows the arm already; learned from its motion if None.
 
     Attributes:
         time: time of the last sample, s.
@@ -36,11 +38,12 @@ class ArmMonitor:
         missed: samples that did not arrive.
     """
 
-    def __init__(self, arm: Arm, healthy: float = HEALTHY) -> None:
+    def __init__(self, arm: Arm, healthy: float = HEALTHY, known: FirstFault | None = None) -> None:
         self._arm = arm
         self._healthy = healthy
-        self._watch = FirstFault(arm, healthy)
-        self._begin: float | None = None
+        self._adjustment: Adjustment | None = None
+        self._learning = Learning(arm, healthy)
+        self._watch = known
         self._suspected = self._confirmed = False
         self.time = 0.0
         self.events: list[Event] = []
@@ -55,38 +58,40 @@ class ArmMonitor:
     @property
     def finding(self) -> ChainFinding | None:
         """What is wrong now."""
-        return self._watch.finding
+        return None if self._watch is None else self._watch.finding
 
     @property
     def learned(self) -> bool:
         """Whether the healthy arm is known."""
-        return self._watch.learned
+        return self._watch is not None
 
     def follow(self, t: Array, q: Array, target: Array, effort: Array) -> None:
         """Takes further samples, a period of the arm apart: see `FirstFault.follow`."""
         if not len(t):
             return
-        self._begin = float(t[0]) if self._begin is None else self._begin
-        known = self.learned
-        self._watch.follow(t, q, target, effort)
+        if self._watch is None:
+            self._learn(t, q, target, effort)
+        else:
+            self._watch.follow(t, q, target, effort)
         self.time = float(t[-1])
-        if self.learned and not known:
-            self._note(EventKind.FITS, "the healthy arm is known from its motion")
-        self._tell()
+        if self._watch is not None:
+            self._tell(self._watch)
 
     def miss(self, samples: int) -> None:
         """Samples did not arrive, and the next ones do not follow the last ones."""
         self.missed += samples
-        self._watch.forget()
-        if not self.learned:
-            self._begin = None
+        (self._watch or self._learning).forget()
 
     def adjust(self, adjustment: Adjustment) -> None:
         """Goes on with the arm as the blocks count on it now; what was found is answered by that."""
         found = self.finding
         if found is not None:
             self._note(EventKind.RECOVERED, f"{found.text(self._arm)}: the blocks count on it")
-        self._watch.resume(adjustment)
+        self._adjustment = adjustment
+        if self._watch is None:
+            self._learning = Learning(self._arm, self._healthy, adjustment)
+        else:
+            self._watch.resume(adjustment)
         self._suspected = self._confirmed = False
 
     def acknowledge(self, parameter: str = "") -> None:
@@ -106,21 +111,22 @@ class ArmMonitor:
     def verdict(self) -> MonitoringVerdict:
         """What the monitor thinks of the arm now."""
         units = dict.fromkeys(self.units, MonitoredUnit("nominal"))
-        if not self.learned:
-            end = (self._begin or 0.0) + self._healthy
-            text = f"the arm is learned from its motion until {end:.0f} s"
-            units = dict.fromkeys(self.units, MonitoredUnit("not commissioned", text=text))
-        found = self.finding
+        if self._watch is None:
+            end = (self._learning.begin or 0.0) + self._learning.until
+            why = self._learning.words()
+            text = f"the arm is learned from its motion until {end:.0f} s" + (f", as {why}" if why else "")
+            units = dict.fromkeys(self.units, MonitoredUnit("not commissioned", text=text[:1000]))
         findings: tuple[MonitoredUnit, ...] = ()
-        if found is not None:
-            told = self._unit(found)
+        if self._watch is not None and (found := self._watch.finding) is not None:
+            told = self._unit(found, self._watch.settled)
             findings = (told,)
             units[TOOL if found.joint is None else f"joint {found.joint}"] = told
-        hidden = tuple(hidden_in_words(self._arm, *each)[:1000] for each in self._watch.hidden().items())
+        known = {} if self._watch is None else self._watch.hidden()
+        hidden = tuple(hidden_in_words(self._arm, *each)[:1000] for each in known.items())
         return MonitoringVerdict(self.time, units, (), hidden, self.missed, 0, findings)
 
-    def _unit(self, found: ChainFinding) -> MonitoredUnit:
-        state: UnitState = "failed" if self._watch.settled else "may be degrading"
+    def _unit(self, found: ChainFinding, settled: bool) -> MonitoredUnit:
+        state: UnitState = "failed" if settled else "may be degrading"
         return MonitoredUnit(
             state,
             CAUSES[found.kind],
@@ -130,13 +136,23 @@ class ArmMonitor:
             found.confidence,
             found.time,
             found.time,
-            self._watch.settled,
+            settled,
             found.text(self._arm)[:1000],
         )
 
-    def _tell(self) -> None:
+    def _learn(self, t: Array, q: Array, target: Array, effort: Array) -> None:
+        """Notes when the arm is known, and every stretch that did not suffice."""
+        short = self._learning.doubt
+        self._learning.follow(t, q, target, effort)
+        self._watch = self._learning.watch
+        if self._learning.doubt is not short:
+            self._note(EventKind.MISFIT, f"{self._learning.words()}; it is learned for longer")
+        if self._watch is not None:
+            self._note(EventKind.FITS, "the healthy arm is known from its motion")
+
+    def _tell(self, watch: FirstFault) -> None:
         """Notes what is new of the finding, and goes on after a push."""
-        found = self.finding
+        found = watch.finding
         if found is None:
             if self._suspected:
                 self._suspected = False
@@ -145,18 +161,18 @@ class ArmMonitor:
         if not self._suspected:
             self._suspected = True
             self._note(EventKind.SUSPECTED, found.text(self._arm))
-        if self._watch.settled and not self._confirmed:
+        if watch.settled and not self._confirmed:
             self._confirmed = True
             self.history.append(found)
             self._note(EventKind.FAILED, found.text(self._arm))
         if found.kind == "push" and self._confirmed and self.time > found.time + SHOWN:
             self._note(EventKind.RECOVERED, f"{found.text(self._arm)}: it is over")
-            self._watch.resume()
+            watch.resume()
             self._suspected = self._confirmed = False
 
     def _anew(self) -> None:
-        self._watch = FirstFault(self._arm, self._healthy)
-        self._begin = None
+        self._watch = None
+        self._learning = Learning(self._arm, self._healthy, self._adjustment)
         self._suspected = self._confirmed = False
 
     def _note(self, kind: EventKind, text: str) -> None:

@@ -15,7 +15,7 @@ from dtwin.arm.adjustment import Adjustment
 from dtwin.arm.chain import Arm, Array
 from dtwin.errors import RecordingError
 from dtwin.monitoring.chain.drives import WINDOWS, Drives
-from dtwin.monitoring.chain.encoders import STILL, Encoders
+from dtwin.monitoring.chain.encoders import STILL, Encoders, Habits, habits_of
 from dtwin.monitoring.chain.expected import EVERY
 from dtwin.monitoring.chain.finding import ChainFinding
 
@@ -27,6 +27,8 @@ USUAL: Final = {"K": 0.2, "friction": 1.0, "bias": 0.01}
 """Usual sizes of causes: a fifth of the torque is lost, friction has doubled, an encoder is 10 mrad off."""
 LOADED, PUSHED = 0.1, 0.2
 """The same of a load in parts of the largest one, and of a push in parts of what the drive gives."""
+START: Final = 1.0
+"""Time from the first sample in which an arm that is known already is not judged, s."""
 _AT_ONCE: Final = 2000
 """Samples of a log that are judged at once."""
 
@@ -41,6 +43,8 @@ class FirstFault:
     Attributes:
         time: time of the last sample, s.
         finding: the fault; None while there is none.
+        drives: its drives; None while they are not known.
+        habits: what its encoders show; None while that is not known.
     """
 
     def __init__(self, arm: Arm, healthy: float = HEALTHY) -> None:
@@ -49,22 +53,34 @@ class FirstFault:
         self._learning: list[tuple[Array, Array, Array, Array]] = []
         self._begin: float | None = None
         self._encoders: Encoders | None = None
-        self._drives: Drives | None = None
+        self.drives: Drives | None = None
+        self.habits: Habits | None = None
         self._last = _none(len(arm))
         self._offset, self._strength = np.zeros(len(arm)), np.ones(len(arm))
-        self._of_encoder = False
+        self._of_encoder = self._starts = False
         self.time = 0.0
         self.finding: ChainFinding | None = None
+
+    @classmethod
+    def knowing(cls, arm: Arm, drives: Drives, habits: Habits) -> FirstFault:
+        """Finds the first fault of an arm whose drives and encoders are known already.
+
+        The first samples, in which blocks that begin take hold of the arm, are not judged.
+        """
+        made = cls(arm, START)
+        made._know(drives, habits)
+        made._starts = True
+        return made
 
     @property
     def learned(self) -> bool:
         """Whether the healthy arm is known."""
-        return self._drives is not None
+        return self.drives is not None
 
     @property
     def settled(self) -> bool:
         """Whether the cause that was found is not going to change any more."""
-        named = self._drives is not None and (self._of_encoder or self._drives.named)
+        named = self.drives is not None and (self._of_encoder or self.drives.named)
         return self.finding is not None and named
 
     def hidden(self) -> dict[str, float]:
@@ -72,16 +88,16 @@ class FirstFault:
 
         Those are told of which `usual_size` is hidden.
         """
-        if self._drives is None:
+        if self.drives is None:
             return {}
-        return {name: size for name, size in self._drives.visible().items() if size > usual_size(self._arm, name)}
+        return {name: size for name, size in self.drives.visible().items() if size > usual_size(self._arm, name)}
 
     def forget(self) -> None:
         """Begins a new stretch after samples that nobody knows; what is not learned yet is learned anew."""
         self._last = _none(len(self._arm))
         self._learning, self._begin = [], None
-        if self._drives is not None:
-            self._drives.forget()
+        if self.drives is not None:
+            self.drives.forget()
 
     def resume(self, adjustment: Adjustment | None = None) -> None:
         """Goes on after a finding that is over, or that the blocks count on now.
@@ -93,8 +109,8 @@ class FirstFault:
         self.forget()
         if adjustment is not None:
             self._offset, self._strength = np.array(adjustment.offset), np.array(adjustment.strength)
-        if self._drives is not None:
-            self._drives.resume(adjustment)
+        if self.drives is not None:
+            self.drives.resume(adjustment)
 
     def follow(self, t: Array, q: Array, target: Array, effort: Array) -> None:
         """Takes further samples, a period of the arm apart.
@@ -105,19 +121,24 @@ class FirstFault:
             target: desired positions, (N, n).
             effort: what acts at the samples, (N, n), in the units of the drives.
         """
+        if self._starts and len(t):
+            self._begin = float(t[0]) if self._begin is None else self._begin
+            begun = int(np.searchsorted(t, self._begin + self._healthy))
+            self._starts = begun == len(t)
+            t, q, target, effort = t[begun:], q[begun:], target[begun:], effort[begun:]
         if not len(t):
             return
         q, effort = q - self._offset, effort * self._strength
-        if self._drives is None:
+        if self.drives is None:
             healthy = self._learn(t, q, target, effort)
             t, q, target, effort = t[healthy:], q[healthy:], target[healthy:], effort[healthy:]
-        if self._drives is not None and len(t):
+        if self.drives is not None and len(t):
             self._judge(t, q, target, effort)
 
     def end(self) -> None:
         """Names what there is evidence of, as no sample follows."""
-        if self.finding is None and self._drives is not None:
-            self.finding = self._drives.name()
+        if self.finding is None and self.drives is not None:
+            self.finding = self.drives.name()
 
     def _learn(self, t: Array, q: Array, target: Array, effort: Array) -> int:
         """Takes samples of the healthy stretch; returns how many of them belong to it."""
@@ -129,14 +150,19 @@ class FirstFault:
             times, positions, wanted, efforts = (
                 np.concatenate([each[k] for each in self._learning]) for k in range(4)
             )
-            self._encoders = Encoders(self._arm, positions, wanted)
-            self._drives = Drives(self._arm, times, positions, efforts)
+            drives = Drives(self._arm)
+            drives.learn(times, positions, efforts)
+            self._know(drives, habits_of(self._arm, positions, wanted))
             self._learning = []
         return count
 
+    def _know(self, drives: Drives, habits: Habits) -> None:
+        self.drives, self.habits = drives, habits
+        self._encoders = Encoders(self._arm, habits)
+
     def _judge(self, t: Array, q: Array, target: Array, effort: Array) -> None:
         assert self._encoders is not None
-        assert self._drives is not None
+        assert self.drives is not None
         new = len(t)
         rows = [np.concatenate(pair) for pair in zip(self._last, (t, q, target), strict=True)]
         times, positions, wanted = rows
@@ -144,16 +170,16 @@ class FirstFault:
         self.time = float(t[-1])
         if self.settled:
             return
-        named = self._drives.follow(t, q, effort)
+        named = self.drives.follow(t, q, effort)
         told = self._encoders.first(times, positions, wanted, new)
         self.finding = named or self.finding
-        small = named is not None and self._drives.named and self._drives.is_small(named)
+        small = named is not None and self.drives.named and self.drives.is_small(named)
         if small and told is None:
             self.resume()  # with more samples it has turned out to be none
             return
         if told is None:
             return
-        alarm = None if small else self._drives.alarm
+        alarm = None if small else self.drives.alarm
         if alarm is None:
             self.finding, self._of_encoder = told, True
         elif told.time <= alarm.time + EXPLAINS:
@@ -211,26 +237,3 @@ def watched(arm: Arm, t: Array, q: Array, target: Array, effort: Array, healthy:
             break
     watch.end()
     return watch
-
-
-def doubt(
-    arm: Arm, t: Array, q: Array, target: Array, effort: Array, healthy: float = HEALTHY
-) -> ChainFinding | None:
-    """What in a healthy stretch would be told as a fault by who knows only its first half; None if nothing would.
-
-    Where something would, the rest of the log may be as new beside the whole stretch as its second half is beside the
-    first one (hold-out validation).
-
-    Args:
-        arm: the arm as its data sheet says.
-        t: times of the samples, (N,), s, a period of the arm apart.
-        q: what the encoders read, (N, n), rad or m.
-        target: desired positions, (N, n).
-        effort: what acts at the samples, (N, n), in the units of the drives.
-        healthy: time from the beginning in which the arm is healthy, s.
-
-    Raises:
-        RecordingError: the stretch is too short for a half of it to be learned.
-    """
-    known = slice(0, int(np.searchsorted(t, t[0] + healthy)) if len(t) else 0)
-    return first_fault(arm, t[known], q[known], target[known], effort[known], 0.5 * healthy)

@@ -12,6 +12,8 @@ from dtwin.identification.chain.identify import Identification, Sample, Settings
 from dtwin.identification.chain.overlay import overlaid
 from dtwin.identification.chain.result import as_object, doubts, moved, numbers, slid
 from dtwin.measurements.measurement import Measurement
+from dtwin.run.arm_cell import ArmCell
+from dtwin.run.chain import run
 from tests.support.chains import drawn_arm, measured
 
 
@@ -77,3 +79,37 @@ def test_an_effort_that_is_noise_is_named(arm: Arm) -> None:
     found = identify(arm, [Sample(replace(plain, effort=effort))])
     assert any(line.startswith("more than 70% of the effort") and "joint_3" in line for line in doubts(found))
     assert not delays(found)[2].told
+
+
+def rubbing(arm: Arm) -> tuple[Identification, dict[str, float]]:
+    """What was found of joints whose friction falls with speed, and that friction by the names of the numbers."""
+
+    def friction(v: np.ndarray) -> np.ndarray:
+        return np.asarray(2.0 * (1.0 + 0.5 * np.exp(-np.abs(v) / 0.1)) * np.tanh(v / 0.01) + 1.5 * v)
+
+    plain = measured(arm, 60.0, 1)
+    assert plain.v is not None
+    torque = regressor(arm, plain.q, plain.v, np.gradient(plain.v, 0.01, axis=0)) @ arm.parameters + friction(plain.v)
+    torque += 0.002 * torque.std(axis=0) * np.random.default_rng(2).normal(size=torque.shape)
+    found = identify(arm, [Sample(replace(plain, effort=torque))], Settings(groups=()))
+    names = [row.name for row in numbers(found) if " friction at " in row.name]
+    return found, {name: float(friction(np.array(float(name.rpartition(" ")[2])))) for name in names}
+
+
+def test_intervals_count_a_form_of_friction_that_no_term_has(arm: Arm) -> None:
+    """What correlation in time alone would say is far too sure: the same is missed whenever a joint is as fast."""
+    found, truth = rubbing(arm)
+    sizes = []
+    for each in (found, replace(found, bands=np.zeros_like(found.bands))):
+        rows = [row for row in numbers(each) if row.name in truth]
+        sizes.append(np.sqrt(np.mean([((row.value - truth[row.name]) / row.half) ** 2 for row in rows])))
+    assert sizes[0] < 1.3
+    assert sizes[1] > 4.0
+
+
+def test_what_motion_tells_only_together_with_other_bodies_is_not_told() -> None:
+    """The inertia at the shoulder is that of the upper arm and of the forearm's mass at the elbow: one number."""
+    settings = ArmCell(arm="planar-2r", machine="nominal").settings(40.0, 3)
+    told = {row.name for row in numbers(identify(settings.arm, [Sample(run(settings).measurement())])) if row.told}
+    assert {"fore mcx", "fore Iyy"} <= told
+    assert not {"upper m", "upper mcx", "upper Iyy", "fore m"} & told

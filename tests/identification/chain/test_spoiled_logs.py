@@ -198,7 +198,7 @@ def test_a_spoiled_log_gives_right_numbers_or_a_refusal(
         return
     truth = true_numbers(arm, found)
     told = [row for row in numbers(found) if row.told and row.name in truth]
-    assert len(told) > 30
+    assert len(told) >= 4 * len(arm)  # friction of every joint at four speeds; its bodies are told only together
     right = [abs(row.value - truth[row.name]) < 1.3 * row.half + 0.03 for row in told]
     assert np.mean(right) > 0.93
     if way != "a torque is cut off":  # what is left of it says less of that joint, as its intervals tell

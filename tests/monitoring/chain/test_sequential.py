@@ -153,7 +153,7 @@ def test_a_healthy_stretch_too_short_for_the_work_is_refused(
     assert main(["monitor", log, *arm, "--healthy", "20"]) == 2
     said = capsys.readouterr().err
     assert "the first 20 s do not suffice to know the arm: who knows half of them would tell 10.00 s: push on" in said
-    assert "expected a longer --healthy" in said
+    assert "expected at least 30 s, without a fault and with all of the arm's work (--healthy)" in said
     assert said.count("\n") == 1
     assert main(["monitor", log, *arm, "--healthy", "30"]) == 0
     assert "nothing is wrong" in capsys.readouterr().out
@@ -226,8 +226,8 @@ def test_the_size_that_is_told_is_the_one_from_which_on_a_fault_is_noticed(cause
     healthy = run(replace(SETTINGS, duration=BEGIN))
     watch.follow(healthy.t, healthy.q, healthy.target, healthy.effort)
     assert watch.hidden() == {}
-    assert watch._drives is not None
-    size = watch._drives.visible()[f"{cause}2"]
+    assert watch.drives is not None
+    size = watch.drives.visible()[f"{cause}2"]
     sign = -1.0 if cause == "K" else 1.0
     noticed = [found(f"{cause}2*={1.0 + sign * part * size:g}@38") is not None for part in (0.2, 1.5)]
     assert noticed == [False, True]

@@ -1,0 +1,74 @@
+"""`dtwin commission LOG --arm ARM`: what any serial arm shows while it is healthy."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from dtwin.arm.chain import Arm
+from dtwin.commissioning.words import NINETY_FIVE
+from dtwin.emulation.chain.arms import arm_of
+from dtwin.errors import RecordingError
+from dtwin.files import ensure_writable
+from dtwin.monitoring.chain.learning import acquainted
+from dtwin.monitoring.chain.record import ArmRecord, record_of, write_arm_record
+from dtwin.run.arm_log import read_arm_log
+from dtwin.terminal import as_text, print_json, print_table
+
+SHOWN = ("rotor", "viscous", "dry friction", "friction with load", "offset")
+"""What a table has of every joint, in the order of `Expected.values` after the links."""
+
+
+def commission_arm(log: Path, arm: str, out: Path | None, json: bool) -> int:
+    """Learns an arm from a log of its healthy work, keeps what it shows, and prints it.
+
+    Args:
+        log: log of `dtwin run --arm` or `dtwin up --arm`.
+        arm: name of arms/, the arm's file or its model.
+        out: file of the record, *.json; None for none.
+        json: print the record as one JSON object.
+
+    Raises:
+        RecordingError: the log is too short, or its first half does not foretell its second one.
+        DtwinError: arm or log cannot be read, or the record cannot be written.
+    """
+    if out is not None:
+        ensure_writable(out, ".json")
+    known = arm_of(arm)
+    rows = read_arm_log(log, known)
+    seconds = float(rows.t[-1] - rows.t[0])
+    try:
+        watch = acquainted(known, rows.t, rows.q, rows.target, rows.effort, seconds - 0.5 * known.period)
+    except RecordingError as error:
+        raise RecordingError(f"{log}: {error}") from None
+    record = record_of(watch, known, round(seconds, 6))
+    if out is not None:
+        write_arm_record(record, out)
+    if json:
+        print_json(msgspec.to_builtins(record))
+    else:
+        _print(record, known, out)
+    return 0
+
+
+def _print(record: ArmRecord, arm: Arm, out: Path | None) -> None:
+    """Prints every joint's numbers with 95 % intervals; those of links are told only together."""
+    n = len(arm)
+    values = np.array(record.values)[10 * n :].reshape(len(SHOWN), n)
+    deviations = np.sqrt(np.diag(np.array(record.covariance)))[10 * n :].reshape(len(SHOWN), n)
+    table = Table("joint", "number", "value", "95 % interval")
+    for j, name in enumerate(record.joints):
+        for k, what in enumerate(SHOWN):
+            table.add_row("" if k else name, what, f"{values[k, j]:.4g}", f"+- {NINETY_FIVE * deviations[k, j]:.2g}")
+        table.add_row("", "noise of the drive", f"{record.noise[j]:.3g}", "")
+        table.add_row("", "equal readings in a row", f"{record.habits.repeats[j]}", "")
+    print_table(table)
+    console = Console(highlight=False, soft_wrap=True)
+    console.print(as_text(f"arm {record.arm}: {record.seconds:g} s, whose first half foretells the second one"))
+    console.print("torques are those of the data sheet's constants, in N m (N); noise is in the units of the drives")
+    if out is not None:
+        console.print(as_text(f"written to {out}"))
