@@ -17,6 +17,7 @@ from dtwin.controller.runtime import running
 from dtwin.errors import CommunicationError
 from dtwin.line.line import MOST_OPERATIONS, Assignment, Line, ZonePlan
 from dtwin.line.plant import Plant
+from dtwin.line.situation import Situation
 from dtwin.line.system import RESOURCE, on_one_resource, plant_of, setup_of, system
 from dtwin.line.vehicle import VehicleCommand
 from iec61499.library import Library
@@ -43,6 +44,12 @@ class Exchange(Protocol):
     def exchange(self, block: str, values: Sequence[Any]) -> tuple[Any, ...]:
         """Sends values to a SERVER block and returns its answer. Raises CommunicationError."""
 
+    def now(self) -> Any:
+        """The state of the blocks between two samples, for `resume`; None where nobody can tell."""
+
+    def resume(self, now: Any) -> None:
+        """Goes back to a state of blocks of the same kind for the same line."""
+
 
 class OneResource:
     """All blocks of a line on one resource.
@@ -64,6 +71,12 @@ class OneResource:
 
     def exchange(self, block: str, values: Sequence[Any]) -> tuple[Any, ...]:
         return self._servers[block].exchange(values)
+
+    def now(self) -> Any:
+        return self._resource.snapshot()
+
+    def resume(self, now: Any) -> None:
+        self._resource.restore(now)
 
 
 class Devices:
@@ -108,6 +121,13 @@ class Devices:
         if len(answers) != 1:
             raise CommunicationError(f"{block} answered {len(answers)} times to one request: expected one RSP")
         return answers[0]
+
+    def now(self) -> Any:
+        return {name: resource.snapshot() for name, resource in self.resources.items()}
+
+    def resume(self, now: Any) -> None:
+        for name, resource in self.resources.items():
+            resource.restore(now[name])
 
     def _settle(self) -> None:
         """Lets the devices run, and hands over one message after the other, until none has anything left to do."""
@@ -183,6 +203,12 @@ class Served:
         except CommunicationError:
             self._spared[block] = _RETRY
             raise
+
+    def now(self) -> Any:
+        """None: blocks elsewhere are asked for nothing but their answers."""
+
+    def resume(self, now: Any) -> None:
+        """Does nothing."""
 
 
 class _Post:
@@ -268,12 +294,26 @@ class Control:
         self._assignment = assignment
         return True
 
+    def set_up_zone(self, number: int, share: Assignment) -> bool:
+        """Tells one zone alone, by its number, the jobs that its stations do from now on; whether it takes that."""
+        return self._send_assignment(self._line.zones[number], share)
+
+    def now(self, plant: Plant) -> Situation | None:
+        """How the line is between two cycles; None where the blocks cannot tell their state."""
+        blocks = self.blocks.now()
+        return None if blocks is None else Situation(plant.now(), dict(self._counts), blocks)
+
+    def resume(self, now: Situation) -> None:
+        """Goes on with blocks of the same kind from there."""
+        self.blocks.resume(now.blocks)
+        self._counts = dict(now.set_ups)
+
     def _send_assignment(self, zone: ZonePlan, assignment: Assignment) -> bool:
         """Tells a zone; whether it takes it."""
         names = [station.name for station in zone.stations]
         digits = dict.fromkeys((operation.name for operation in self._line.operations), 0)
         for job in self._line.jobs:
-            station = assignment[job.name]
+            station = assignment.get(job.name, "")
             digits[job.operation] += 10**job.kind * (zone.station(station) if station in names else 0)
         numbers = [*digits.values(), *[0] * (MOST_OPERATIONS - len(digits))]
         answer = self._ask(setup_of(zone.name), numbers)
@@ -306,7 +346,8 @@ class Control:
         if self._renewed:
             self._counts.clear()  # a zone that has begun anew counts its set-ups from the first
             self._renewed = not self.set_up(self._assignment)
-        for number, zone in enumerate(self._line.zones):
+        for number in plant.active:
+            zone = self._line.zones[number]
             for station in zone.stations:
                 tags, report = plant.station_tags(station.name), plant.stations[station.name].report
                 if answer := self._ask(plant_of(station.name), (*tags, report.arm, report.stop)):

@@ -28,6 +28,7 @@ from dtwin.emulation.machine.files import machine_of
 from dtwin.emulation.machine.sections import IDEAL
 from dtwin.errors import ParameterError
 from dtwin.line.line import StationPlan
+from dtwin.line.situation import StationNow
 from dtwin.line.system import task_of
 from dtwin.logs.collecting import RunLog
 from dtwin.logs.log import Log
@@ -309,6 +310,16 @@ class TimedStation:
         self._place = ""
         self._picks = self._delivers = 0.0
         self._arm = FREE
+        self._stop = 0
+
+    def resume(self, now: StationNow, time: float, stopped: bool) -> None:
+        """Goes on as a station does at a plant time (s), or stands as one whose arm is stopped."""
+        carry, back = self._times.carry, self._times.back
+        self._time, self._arm, self._place, self._stop = time, now.arm, now.place, int(stopped)
+        if now.last:
+            self._ready = now.ended + back.get(now.last, max(back.values()))
+        self._picks = now.began if now.arm == HOLDING else max(now.began, self._ready) + self._times.grip
+        self._delivers = self._picks + carry.get(now.place, max(carry.values()))
 
     def give(self, kind: str, mass: float = 0.0, text: str = "") -> None:
         if kind == "bring":
@@ -320,7 +331,9 @@ class TimedStation:
 
     def advance(self, ticks: int) -> Report:
         self._time += PERIOD * ticks
-        events = []
+        events: list[Event] = []
+        if self._stop:
+            return Report(self._arm, self._stop, ())
         if self._arm == OFFERED and self._picks <= self._time:
             self._arm = HOLDING
             events.append(Event(self._picks, EventKind.PICKED, ""))

@@ -171,7 +171,12 @@ def tried(trial: LineTrial) -> LineOutcome:
     since, known = _since(trial), work_times(line)
     horizon = trial.duration - since
 
+    then = run.situation
+
     def look() -> None:
+        nonlocal then
+        if run.time <= trial.begins:
+            then = run.situation
         if run.time <= since:
             known.update(run.times())
 
@@ -182,7 +187,7 @@ def tried(trial: LineTrial) -> LineOutcome:
     return LineOutcome(
         trial,
         run.rate(since),
-        best_rate(line, trial.station, horizon, able) if trial.station else 0.0,
+        best_rate(line, trial.station, then, (since, trial.duration), able) if trial.station and then else 0.0,
         expected(line, known, run.work.assignment, horizon),
         answers[0].time - trial.begins if answers else None,
         f"{answers[0].what}, {answers[0].why.partition(':')[0]}" if answers else "",

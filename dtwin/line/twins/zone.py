@@ -7,14 +7,17 @@ the arms are left out: their twins say how long they take. That runs some hundre
 from __future__ import annotations
 
 import itertools
-from collections.abc import Hashable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, replace
+from threading import Lock
 from typing import Final
 
 from dtwin.line.control import Control, OneResource
 from dtwin.line.line import CYCLE, Assignment, Job, Line
 from dtwin.line.plant import Plant
+from dtwin.line.situation import Situation
 from dtwin.line.station import Station, TimedStation, WorkTimes
+from dtwin.line.twins.forward import Change, Forward
 from dtwin.line.twins.node import Capability, Node
 
 WARM_UP: Final = 150.0
@@ -45,12 +48,24 @@ class ZoneTwin:
         line: the line.
         number: number of the zone, from 0.
         nodes: the twins of its stations, by their names.
+        now: tells how the line is; None where nobody can tell.
+        devices: whether the blocks of what it tells run on a resource for each device.
     """
 
-    def __init__(self, line: Line, number: int, nodes: Mapping[str, Node]) -> None:
+    def __init__(
+        self,
+        line: Line,
+        number: int,
+        nodes: Mapping[str, Node],
+        now: Callable[[], Situation | None] = lambda: None,
+        devices: bool = False,
+    ) -> None:
         self._name = line.zones[number].name
         self._line, self._number = line, number
         self._nodes = {station.name: nodes[station.name] for station in line.zones[number].stations}
+        self._now, self._devices = now, devices
+        self._forward: Forward | None = None
+        self._busy = Lock()
         self._known: dict[tuple[Hashable, ...], float] = {}
 
     @property
@@ -102,9 +117,13 @@ class ZoneTwin:
 
         None if the stations cannot do them.
         """
-        found = [Flow(each, self.rate(each)) for each in self.assignments(operations)]
-        if not found:
+        ways, situation = self.assignments(operations), self._now()
+        if not ways:
             return None
+        rates = [(each, self._rate(each, situation)) for each in ways]
+        found = [Flow(each, rate) for each, rate in rates if rate is not None]
+        if not found:  # the blocks take none now: this is the best as soon as they do
+            found = [Flow(each, self._from_empty(each)) for each in ways]
 
         def changes(flow: Flow) -> int:
             return sum(now.get(name) != station for name, station in flow.assignment.items())
@@ -114,7 +133,27 @@ class ZoneTwin:
         return min(good, key=lambda flow: (changes(flow), -flow.rate, sorted(flow.assignment.items())))
 
     def rate(self, assignment: Assignment) -> float:
-        """Boxes an hour that leave the zone when there are always more, and room for them."""
+        """Boxes an hour that leave the zone when there are always more, and room for them.
+
+        They are counted for HORIZON after the change, from what the line is now on; 0 if the blocks would refuse it.
+        """
+        return self._rate(assignment, self._now()) or 0.0
+
+    def _rate(self, assignment: Assignment, now: Situation | None) -> float | None:
+        """The same from a situation on; None if the blocks refuse it."""
+        if now is None:
+            return self._from_empty(assignment)
+        stopped = [name for name, node in self._nodes.items() if node.capability.ability == "nothing"]
+        change = Change(assignment, {name: node.times for name, node in self._nodes.items()}, stopped)
+        with self._busy:
+            self._forward = self._forward or Forward(self._line, self._devices)
+            left = self._forward.left_zone(self._number, now, change, HORIZON)
+        if left is None:
+            return None
+        return 3600.0 * len(left) / left[-1] if left else 0.0
+
+    def _from_empty(self, assignment: Assignment) -> float:
+        """The same from an empty zone on, when it has filled."""
         times = {name: node.times for name, node in self._nodes.items()}
         key = (*sorted(assignment.items()), *(_in_cycles(each) for each in times.values()))
         if key not in self._known:
