@@ -6,6 +6,7 @@ process; a message is handed over when the one before it has been read, until no
 
 from __future__ import annotations
 
+import itertools
 from collections import deque
 from collections.abc import Sequence
 from pathlib import Path
@@ -265,6 +266,7 @@ class Control:
     Attributes:
         blocks: the running blocks.
         absent: names of the blocks that do not answer.
+        stopped: names of the stations whose arms are stopped.
     """
 
     def __init__(self, line: Line, blocks: Exchange, patient: bool = False) -> None:
@@ -273,6 +275,8 @@ class Control:
         self._renewed = False
         self._assignment: Assignment = line.assignment
         self._counts: dict[str, int] = {}
+        self._done_by: dict[str, dict[str, str]] = {zone.name: {} for zone in line.zones}
+        self.stopped: set[str] = set()
 
     def set_up(self, assignment: Assignment) -> bool:
         """Tells the zones which station does which operation from now on.
@@ -301,27 +305,52 @@ class Control:
     def now(self, plant: Plant) -> Situation | None:
         """How the line is between two cycles; None where the blocks cannot tell their state."""
         blocks = self.blocks.now()
-        return None if blocks is None else Situation(plant.now(), dict(self._counts), blocks)
+        done_by = {name: dict(jobs) for name, jobs in self._done_by.items()}
+        return None if blocks is None else Situation(plant.now(), dict(self._counts), done_by, blocks)
 
     def resume(self, now: Situation) -> None:
         """Goes on with blocks of the same kind from there."""
         self.blocks.resume(now.blocks)
         self._counts = dict(now.set_ups)
+        self._done_by = {name: dict(jobs) for name, jobs in now.done_by.items()}
 
     def _send_assignment(self, zone: ZonePlan, assignment: Assignment) -> bool:
         """Tells a zone; whether it takes it."""
-        names = [station.name for station in zone.stations]
+        share = self._share(zone, assignment)
         digits = dict.fromkeys((operation.name for operation in self._line.operations), 0)
         for job in self._line.jobs:
-            station = assignment.get(job.name, "")
-            digits[job.operation] += 10**job.kind * (zone.station(station) if station in names else 0)
+            station = share.get(job.name, "")
+            digits[job.operation] += 10**job.kind * (zone.station(station) if station else 0)
         numbers = [*digits.values(), *[0] * (MOST_OPERATIONS - len(digits))]
         answer = self._ask(setup_of(zone.name), numbers)
         if answer is None:
             return False
         taken = answer[0] != self._counts.get(zone.name)
         self._counts[zone.name] = answer[0]
+        if taken:
+            self._done_by[zone.name] |= share
         return taken
+
+    def _share(self, zone: ZonePlan, assignment: Assignment) -> dict[str, str]:
+        """What the stations of a zone do: its jobs, and those that a zone before it has taken over.
+
+        Boxes never go back, so the zone goes on to do these with the boxes that have come to it before.
+        """
+        names = [station.name for station in zone.stations]
+        share = {name: station for name, station in assignment.items() if station in names}
+        number, before = self._line.zones.index(zone), self._done_by[zone.name]
+        own = set(share)
+        for job in itertools.takewhile(lambda job: job.name not in own, self._line.jobs):
+            at = assignment.get(job.name)
+            if job.name in before and (at is None or self._line.zone_of(at) < number):
+                able = [n for n in self._line.able(job.operation) if n in names and n not in self.stopped]
+                share[job.name] = before[job.name] if before[job.name] in able or not able else able[0]
+        return share
+
+    def _goes_on_behind(self, station: str) -> bool:
+        """Whether a station does something that a zone before its own has taken over."""
+        done_by = self._done_by[self._line.zones[self._line.zone_of(station)].name]
+        return any(at == station and self._assignment[name] != station for name, at in done_by.items())
 
     def _ask(self, block: str, values: Sequence[Any]) -> tuple[Any, ...] | None:
         """The answer of a block; None of one that does not answer."""
@@ -350,6 +379,9 @@ class Control:
             zone = self._line.zones[number]
             for station in zone.stations:
                 tags, report = plant.station_tags(station.name), plant.stations[station.name].report
+                if report.stop and station.name not in self.stopped and self._goes_on_behind(station.name):
+                    self._renewed = True  # boxes that a zone before would do now are to be done by another one
+                (self.stopped.add if report.stop else self.stopped.discard)(station.name)
                 if answer := self._ask(plant_of(station.name), (*tags, report.arm, report.stop)):
                     plant.offer(station.name, *answer)
             for planned in zone.vehicles:

@@ -55,7 +55,7 @@ class StationState:
         finished: number of the box that is finished, 0 for none.
         worked: number of the box that the arm holds, 0 for none.
         report: what the station told last.
-        place, began: where its arm brings a box, or brought the last one, and since when that box is offered or held, s.
+        place, began: where its arm brings a box, or brought the last one, and since when that is offered or held, s.
         last, ended: where it brought the last one that is finished, "" for none, and when it did, s.
     """
 
@@ -116,6 +116,7 @@ class Plant:
         source: number of the box at the source, 0 for none.
         outside: boxes that wait in front of it.
         lost: boxes that were lost.
+        unfinished: boxes that have left though something was still to be done to them.
         collisions: pairs of vehicles that touched one another, each counted once per touch.
         active: numbers of the zones that go on.
     """
@@ -130,6 +131,7 @@ class Plant:
         self.events: list[LineEvent] = []
         self.outside = 0
         self.lost = 0
+        self.unfinished = 0
         self.collisions = 0
         self.source = 0
         self.active: Sequence[int] = range(len(line.zones))
@@ -290,6 +292,7 @@ class Plant:
         number = self.line.zones.index(zone)
         if slot == EXIT and number == len(self.line.zones) - 1:
             self.left.append((box, self.time))
+            self.unfinished += self.boxes[box].done < len(self.line.operations)
             self._say("left", self.line.sink, box)
             return True
         if slot == EXIT:

@@ -105,9 +105,11 @@ class Situation:
     Attributes:
         plant: its plant.
         set_ups: number of set-ups that each zone has counted, by its name.
+        done_by: the station that has last done each job in a zone, by the names of both.
         blocks: the state of its blocks, for blocks of the same kind (`Exchange.resume`).
     """
 
     plant: PlantNow
     set_ups: dict[str, int]
+    done_by: dict[str, dict[str, str]]
     blocks: Any

@@ -40,7 +40,7 @@ _SPREAD: Final = 100
 def best_rate(line: Line, station: str, now: Situation, counts: tuple[float, float], fault: str = "") -> float:
     """Boxes an hour of the best of all ways to share the work out after an arm has failed.
 
-    Each is simulated from the running line on, as it was when the arm failed. Ways whose busiest arm alone would let
+    Each is simulated from the running line on, as it was at one moment. Ways whose busiest arm alone would let
     fewer boxes through than another way are not simulated, and none that the blocks refuse.
 
     Args:

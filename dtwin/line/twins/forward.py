@@ -68,8 +68,8 @@ class Forward:
         plant, control = Plant(line, made), Control(line, self._blocks)
         plant.resume(now.plant)
         control.resume(now)
-        plant.active = tuple(zones)
-        if not all([control.set_up_zone(number, change.assignment) for number in zones]):
+        plant.active, control.stopped = tuple(zones), set(change.stopped)
+        if not all(control.set_up_zone(number, change.assignment) for number in zones):
             return None
         ends = _Ends(line, plant, change.assignment)
         for _ in range(round(horizon / CYCLE)):

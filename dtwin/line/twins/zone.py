@@ -117,11 +117,10 @@ class ZoneTwin:
 
         None if the stations cannot do them.
         """
-        ways, situation = self.assignments(operations), self._now()
+        ways = self.assignments(operations)
         if not ways:
             return None
-        rates = [(each, self._rate(each, situation)) for each in ways]
-        found = [Flow(each, rate) for each, rate in rates if rate is not None]
+        found = [flow for flow in (Flow(each, self.rate(each)) for each in ways) if flow.rate]
         if not found:  # the blocks take none now: this is the best as soon as they do
             found = [Flow(each, self._from_empty(each)) for each in ways]
 
@@ -137,10 +136,7 @@ class ZoneTwin:
 
         They are counted for HORIZON after the change, from what the line is now on; 0 if the blocks would refuse it.
         """
-        return self._rate(assignment, self._now()) or 0.0
-
-    def _rate(self, assignment: Assignment, now: Situation | None) -> float | None:
-        """The same from a situation on; None if the blocks refuse it."""
+        now = self._now()
         if now is None:
             return self._from_empty(assignment)
         stopped = [name for name, node in self._nodes.items() if node.capability.ability == "nothing"]
@@ -148,8 +144,6 @@ class ZoneTwin:
         with self._busy:
             self._forward = self._forward or Forward(self._line, self._devices)
             left = self._forward.left_zone(self._number, now, change, HORIZON)
-        if left is None:
-            return None
         return 3600.0 * len(left) / left[-1] if left else 0.0
 
     def _from_empty(self, assignment: Assignment) -> float:
