@@ -276,6 +276,7 @@ class Control:
         self._assignment: Assignment = line.assignment
         self._counts: dict[str, int] = {}
         self._done_by: dict[str, dict[str, str]] = {zone.name: {} for zone in line.zones}
+        self._behind: dict[str, dict[str, str]] = {}
         self.stopped: set[str] = set()
 
     def set_up(self, assignment: Assignment) -> bool:
@@ -316,7 +317,10 @@ class Control:
 
     def _send_assignment(self, zone: ZonePlan, assignment: Assignment) -> bool:
         """Tells a zone; whether it takes it."""
-        share = self._share(zone, assignment)
+        names = [station.name for station in zone.stations]
+        own = {name: station for name, station in assignment.items() if station in names}
+        behind = self._taken_over(zone, assignment, own)
+        share = own | behind
         digits = dict.fromkeys((operation.name for operation in self._line.operations), 0)
         for job in self._line.jobs:
             station = share.get(job.name, "")
@@ -328,29 +332,30 @@ class Control:
         taken = answer[0] != self._counts.get(zone.name)
         self._counts[zone.name] = answer[0]
         if taken:
-            self._done_by[zone.name] |= share
+            self._done_by[zone.name] |= own
+            self._behind[zone.name] = behind
         return taken
 
-    def _share(self, zone: ZonePlan, assignment: Assignment) -> dict[str, str]:
-        """What the stations of a zone do: its jobs, and those that a zone before it has taken over.
+    def _taken_over(self, zone: ZonePlan, assignment: Assignment, own: Assignment) -> dict[str, str]:
+        """What the stations of a zone still do, beside its own jobs, of those that a zone before it has taken over.
 
-        Boxes never go back, so the zone goes on to do these with the boxes that have come to it before.
+        Boxes never go back, so the zone goes on to do these with the boxes that have come to it before: at another
+        station than the one that has lost them, where there is one, because its arm may no longer be able to.
         """
         names = [station.name for station in zone.stations]
-        share = {name: station for name, station in assignment.items() if station in names}
         number, before = self._line.zones.index(zone), self._done_by[zone.name]
-        own = set(share)
+        found = {}
         for job in itertools.takewhile(lambda job: job.name not in own, self._line.jobs):
             at = assignment.get(job.name)
             if job.name in before and (at is None or self._line.zone_of(at) < number):
                 able = [n for n in self._line.able(job.operation) if n in names and n not in self.stopped]
-                share[job.name] = before[job.name] if before[job.name] in able or not able else able[0]
-        return share
+                others = [station for station in able if station != before[job.name]]
+                found[job.name] = others[0] if others else before[job.name]
+        return found
 
     def _goes_on_behind(self, station: str) -> bool:
         """Whether a station does something that a zone before its own has taken over."""
-        done_by = self._done_by[self._line.zones[self._line.zone_of(station)].name]
-        return any(at == station and self._assignment[name] != station for name, at in done_by.items())
+        return any(station in jobs.values() for jobs in self._behind.values())
 
     def _ask(self, block: str, values: Sequence[Any]) -> tuple[Any, ...] | None:
         """The answer of a block; None of one that does not answer."""

@@ -325,7 +325,9 @@ class TimedStation:
         if kind == "bring":
             self._arm, self._place = OFFERED, text
             self._picks = max(self._time, self._ready) + self._times.grip
-            self._delivers = self._picks + self._times.carry[text]
+            if text not in self._times.carry:
+                self._stop = 1  # an arm is stopped that is offered what it cannot hold
+            self._delivers = self._picks + self._times.carry.get(text, 0.0)
         elif kind == "take":
             self._arm = FREE
 

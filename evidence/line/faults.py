@@ -312,8 +312,8 @@ def faults_report(outcomes: Sequence[LineOutcome]) -> Report:
     words = (
         f"Throughput counts from {SETTLING:g} s after a fault on, from {EARLIEST:g} s on without one. The best is the"
         " largest of all ways to share the operations out among the stations that are left, and, where the arm can go"
-        " on, with it at the shortest target time that it can have, each simulated from the line on as it was when the"
-        " twins answered, or at the fault if they did not;"
+        " on, with it at the shortest target time that it can have, each simulated from the line on as it was when"
+        " the twins answered, or at the fault if they did not;"
         " predicted is what the twins expect of the assignment that the line has."
         f" {soon(outcomes, True)} of {failed} faults were answered within {SOON:g} s of the first motion after them,"
         f" {soon(outcomes, False)} within {SOON:g} s of the fault itself: while the arm stands, most cannot be seen."
