@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import itertools
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Final, Protocol
 
 from dtwin.controller.ports import BLOCKS
@@ -23,18 +22,11 @@ from dtwin.line.system import RESOURCE, on_one_resource, plant_of, setup_of, sys
 from dtwin.line.vehicle import VehicleCommand
 from iec61499.library import Library
 from iec61499.mapping import resource_network
-from iec61499.model import System
-from iec61499.net.address import parse_block_id
-from iec61499.net.client import BlockingClient
-from iec61499.net.wire import Signature
+from iec61499.model import BasicFBType
+from iec61499.native.resource import NativeResource
 from iec61499.runtime.communication import Channel, CommunicationPort, LocalTransport, Values
 from iec61499.runtime.resource import Resource
-from iec61499.types import BOOL, DINT, DataType
 
-_TIMEOUT: Final = 5.0
-"""Longest wait for an answer of a device elsewhere, s."""
-_RETRY: Final = 50
-"""Number of samples that a device which does not answer is spared before it is tried again."""
 _MESSAGES: Final = 1000
 """Most messages that may follow from one sample."""
 
@@ -69,6 +61,7 @@ class OneResource:
         self._resource = running(network, library)
         self._servers = {name: self._resource.server(name) for name in servers(line)}
         self._resource.start()
+        self._begun = self._resource.snapshot()
 
     def exchange(self, block: str, values: Sequence[Any]) -> tuple[Any, ...]:
         return self._servers[block].exchange(values)
@@ -78,6 +71,30 @@ class OneResource:
 
     def resume(self, now: Any) -> None:
         self._resource.restore(now)
+
+    def memory(self) -> dict[str, Any] | None:
+        """Variables and charts that are otherwise than at the beginning; None where these are not machine code."""
+        if not isinstance(self._resource, NativeResource):
+            return None
+        now, values = self.now(), _values(self._resource)
+        self.resume(self._begun)
+        begun = _values(self._resource)
+        self.resume(now)
+        return {name: value for name, value in values.items() if value != begun[name]}
+
+    def recall(self, memory: Mapping[str, Any]) -> Any:
+        """The state of blocks that have such a memory. Raises FunctionBlockError: there are no such blocks."""
+        self.resume(self._begun)
+        if isinstance(self._resource, NativeResource):
+            self._resource.recall(memory)
+        return self.now()
+
+
+def _values(resource: NativeResource) -> dict[str, Any]:
+    """The values of all variables, and the states of all charts, by their names."""
+    values = {f"{block}.{name}": value for block, own in resource.states().items() for name, value in own.items()}
+    charts = [f"{name}.$ECC" for name in resource.names() if isinstance(resource.block_type(name), BasicFBType)]
+    return values | {name: resource.read(name) for name in charts}
 
 
 class Devices:
@@ -141,77 +158,6 @@ class Devices:
         raise CommunicationError(f"the devices of the line do not come to rest within {_MESSAGES} messages")
 
 
-class Served:
-    """The blocks of a line on devices elsewhere, such as those of `dtwin fb run --all`; a context manager.
-
-    A device that has ended, or does not answer in time, is connected to again later.
-
-    Args:
-        line: the line.
-        whole: its system, whose SERVER blocks say at which ports they listen.
-        timeout: longest wait for an answer, s.
-
-    Raises:
-        CommunicationError: a block does not listen.
-    """
-
-    def __init__(self, line: Line, whole: System, timeout: float = _TIMEOUT) -> None:
-        self._timeout = timeout
-        self._clients: dict[str, BlockingClient] = {}
-        self._spared: dict[str, int] = {}
-        identities = {
-            block.name: parameter.value.strip("'")
-            for application in whole.applications
-            for block in application.network.blocks
-            for parameter in block.parameters
-            if parameter.name == "ID"
-        }
-        self._ends = {
-            name: (parse_block_id(identities[name]), Signature(receives), Signature(sends))
-            for name, (receives, sends) in _signatures(line).items()
-        }
-        try:
-            for name in self._ends:
-                self._connect(name)
-        except CommunicationError:
-            self.close()
-            raise
-
-    def __enter__(self) -> Served:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Ends the connections."""
-        for client in self._clients.values():
-            client.close()
-
-    def _connect(self, block: str) -> None:
-        self._clients[block] = BlockingClient(*self._ends[block], self._timeout)
-
-    def exchange(self, block: str, values: Sequence[Any]) -> tuple[Any, ...]:
-        if self._spared.get(block):
-            self._spared[block] -= 1
-            raise CommunicationError(f"{block} does not answer")
-        try:
-            if self._clients[block].lost:
-                self._connect(block)
-            return tuple(self._clients[block].exchange(values))
-        except CommunicationError:
-            self._spared[block] = _RETRY
-            raise
-
-    def now(self) -> Any:
-        """None: blocks elsewhere are asked for nothing but their answers."""
-
-    def resume(self, now: Any) -> None:
-        """Does nothing."""
-
-
 class _Post:
     """Carries messages between devices in this process, first in first out, each when the one before was read.
 
@@ -241,17 +187,6 @@ def servers(line: Line) -> list[str]:
     stations = [plant_of(station.name) for station in line.stations]
     vehicles = [plant_of(vehicle.name) for zone in line.zones for vehicle in zone.vehicles]
     return zones + stations + vehicles
-
-
-def _signatures(line: Line) -> dict[str, tuple[list[DataType], list[DataType]]]:
-    """What each SERVER block of a line receives and sends."""
-    found: dict[str, tuple[list[DataType], list[DataType]]] = {}
-    for zone in line.zones:
-        found[plant_of(zone.name)] = [DINT, DINT], [DINT]
-        found[setup_of(zone.name)] = [DINT] * MOST_OPERATIONS, [DINT]
-        found |= {plant_of(vehicle.name): ([DINT, BOOL, BOOL, DINT], [DINT] * 3) for vehicle in zone.vehicles}
-        found |= {plant_of(station.name): ([DINT] * 5, [DINT]) for station in zone.stations}
-    return found
 
 
 class Control:

@@ -16,9 +16,9 @@ from typing import Final
 
 import numpy as np
 
+from dtwin.bus.line.situation import BoxNow, PlantNow, StationNow
 from dtwin.errors import DtwinError
 from dtwin.line.line import CYCLE, FINISHED, Line, Load, VehiclePlan, ZonePlan
-from dtwin.line.situation import BoxNow, PlantNow, StationNow
 from dtwin.line.station import FREE, HOLDING, OFFERED, Report, Station
 from dtwin.line.track import DIAMETER
 from dtwin.line.vehicle import LOAD, Vehicle
@@ -331,9 +331,10 @@ class Plant:
         stations, vehicles = [], [vehicle.now() for vehicle in self.vehicles.values()]
         held = [self.source, *(vehicle.box for vehicle in vehicles), *(n for each in self.buffers for n in each)]
         for name, state in self.stations.items():
-            slots = state.waits, state.worked, state.finished
-            does = state.report.arm, state.place, state.began, state.last, state.ended
-            stations.append(StationNow(name, *slots, *does))
+            waits, worked, finished = slots = state.waits, state.worked, state.finished
+            last, ended = state.last, state.ended
+            does = state.report.arm
+            stations.append(StationNow(name, waits, worked, finished, does, state.place, state.began, last, ended))
             held += slots
         found = [self.boxes[number] for number in held if number]
         boxes = tuple(BoxNow(box.number, self.line.source.kind(box.mass), box.done) for box in found)
@@ -394,8 +395,3 @@ def check_boxes(plant: Plant) -> None:
     found = plant.in_line() + len(plant.left) + plant.lost
     if found != len(plant.boxes):
         raise DtwinError(f"boxes of the line: expected {len(plant.boxes)}, found {found}")
-
-
-def positions(vehicles: Sequence[Vehicle]) -> list[tuple[float, float]]:
-    """Where vehicles are, m."""
-    return [vehicle.position for vehicle in vehicles]

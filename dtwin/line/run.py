@@ -166,7 +166,7 @@ class LineRun:
     @property
     def situation(self) -> Situation | None:
         """What it is now; None where blocks elsewhere do not tell their state."""
-        return self.floor.control.now(self.plant)
+        return self.floor.situation
 
     def is_stopped(self, station: str) -> bool:
         """Whether the arm of a station is stopped, or is to be in the next cycle."""

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.bus.line.plant import ArmSettings
+from dtwin.bus.line.situation import StationNow
 from dtwin.controller.bounds import check_bounds
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.ports import STOP, VERDICT
@@ -28,7 +29,6 @@ from dtwin.emulation.machine.files import machine_of
 from dtwin.emulation.machine.sections import IDEAL
 from dtwin.errors import ParameterError
 from dtwin.line.line import StationPlan
-from dtwin.line.situation import StationNow
 from dtwin.line.system import task_of
 from dtwin.logs.collecting import RunLog
 from dtwin.logs.log import Log

@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
+from dtwin.bus.line.situation import VehicleNow
 from dtwin.line.line import VehiclePlan
-from dtwin.line.situation import VehicleNow
 from dtwin.line.track import Point, Track
 
 LOAD: Final = 1

@@ -18,7 +18,7 @@ from dtwin.emulation.faults import parse_fault, schedule
 from dtwin.errors import DtwinError
 from dtwin.line.line import Assignment, Line, Load, StationPlan
 from dtwin.line.situation import Situation
-from dtwin.line.station import EmulatedStation, WorkTimes, cell_settings
+from dtwin.line.station import OFFERED, EmulatedStation, WorkTimes, cell_settings
 from dtwin.line.twins.forward import Change, Forward
 from dtwin.line.twins.rehearsal import Round, first_round, rehearsed, times_of
 
@@ -68,17 +68,18 @@ def best_rate(line: Line, station: str, now: Situation, counts: tuple[float, flo
         if _EDGES * -bound < best:
             break
         left = forward.left(now, way, counts[1] - now.plant.time)
-        counted = [time for time in left or () if counts[0] < now.plant.time + time]
+        counted = [time for time, _ in left or () if counts[0] < now.plant.time + time]
         if len(counted) > 1:
             best = max(best, 3600.0 * (len(counted) - 1) / (counted[-1] - counted[0]))
     return best
 
 
 def _load(line: Line, station: str, now: Situation) -> frozenset[Load]:
-    """What an arm holds, where it shall be brought."""
+    """What an arm holds or is offered, where it shall be brought."""
     boxes = {box.number: box for box in now.plant.boxes}
     state = next(each for each in now.plant.stations if each.name == station)
-    kinds = [boxes[state.worked].kind] if state.worked else []
+    number = state.worked or (state.waits if state.arm == OFFERED else 0)
+    kinds = [boxes[number].kind] if number else []
     return frozenset((state.place, line.classes[kind].heaviest) for kind in kinds)
 
 
