@@ -6,10 +6,10 @@ process; a message is handed over when the one before it has been read, until no
 
 from __future__ import annotations
 
+import itertools
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Final, Protocol
 
 from dtwin.controller.ports import BLOCKS
@@ -17,22 +17,16 @@ from dtwin.controller.runtime import running
 from dtwin.errors import CommunicationError
 from dtwin.line.line import MOST_OPERATIONS, Assignment, Line, ZonePlan
 from dtwin.line.plant import Plant
+from dtwin.line.situation import Situation
 from dtwin.line.system import RESOURCE, on_one_resource, plant_of, setup_of, system
 from dtwin.line.vehicle import VehicleCommand
 from iec61499.library import Library
 from iec61499.mapping import resource_network
-from iec61499.model import System
-from iec61499.net.address import parse_block_id
-from iec61499.net.client import BlockingClient
-from iec61499.net.wire import Signature
+from iec61499.model import BasicFBType
+from iec61499.native.resource import NativeResource
 from iec61499.runtime.communication import Channel, CommunicationPort, LocalTransport, Values
 from iec61499.runtime.resource import Resource
-from iec61499.types import BOOL, DINT, DataType
 
-_TIMEOUT: Final = 5.0
-"""Longest wait for an answer of a device elsewhere, s."""
-_RETRY: Final = 50
-"""Number of samples that a device which does not answer is spared before it is tried again."""
 _MESSAGES: Final = 1000
 """Most messages that may follow from one sample."""
 
@@ -42,6 +36,12 @@ class Exchange(Protocol):
 
     def exchange(self, block: str, values: Sequence[Any]) -> tuple[Any, ...]:
         """Sends values to a SERVER block and returns its answer. Raises CommunicationError."""
+
+    def now(self) -> Any:
+        """The state of the blocks between two samples, for `resume`; None where nobody can tell."""
+
+    def resume(self, now: Any) -> None:
+        """Goes back to a state of blocks of the same kind for the same line."""
 
 
 class OneResource:
@@ -61,9 +61,40 @@ class OneResource:
         self._resource = running(network, library)
         self._servers = {name: self._resource.server(name) for name in servers(line)}
         self._resource.start()
+        self._begun = self._resource.snapshot()
 
     def exchange(self, block: str, values: Sequence[Any]) -> tuple[Any, ...]:
         return self._servers[block].exchange(values)
+
+    def now(self) -> Any:
+        return self._resource.snapshot()
+
+    def resume(self, now: Any) -> None:
+        self._resource.restore(now)
+
+    def memory(self) -> dict[str, Any] | None:
+        """Variables and charts that are otherwise than at the beginning; None where these are not machine code."""
+        if not isinstance(self._resource, NativeResource):
+            return None
+        now, values = self.now(), _values(self._resource)
+        self.resume(self._begun)
+        begun = _values(self._resource)
+        self.resume(now)
+        return {name: value for name, value in values.items() if value != begun[name]}
+
+    def recall(self, memory: Mapping[str, Any]) -> Any:
+        """The state of blocks that have such a memory. Raises FunctionBlockError: there are no such blocks."""
+        self.resume(self._begun)
+        if isinstance(self._resource, NativeResource):
+            self._resource.recall(memory)
+        return self.now()
+
+
+def _values(resource: NativeResource) -> dict[str, Any]:
+    """The values of all variables, and the states of all charts, by their names."""
+    values = {f"{block}.{name}": value for block, own in resource.states().items() for name, value in own.items()}
+    charts = [f"{name}.$ECC" for name in resource.names() if isinstance(resource.block_type(name), BasicFBType)]
+    return values | {name: resource.read(name) for name in charts}
 
 
 class Devices:
@@ -109,6 +140,13 @@ class Devices:
             raise CommunicationError(f"{block} answered {len(answers)} times to one request: expected one RSP")
         return answers[0]
 
+    def now(self) -> Any:
+        return {name: resource.snapshot() for name, resource in self.resources.items()}
+
+    def resume(self, now: Any) -> None:
+        for name, resource in self.resources.items():
+            resource.restore(now[name])
+
     def _settle(self) -> None:
         """Lets the devices run, and hands over one message after the other, until none has anything left to do."""
         for _ in range(_MESSAGES):
@@ -118,71 +156,6 @@ class Devices:
             if not self._post.hand_over():
                 return
         raise CommunicationError(f"the devices of the line do not come to rest within {_MESSAGES} messages")
-
-
-class Served:
-    """The blocks of a line on devices elsewhere, such as those of `dtwin fb run --all`; a context manager.
-
-    A device that has ended, or does not answer in time, is connected to again later.
-
-    Args:
-        line: the line.
-        whole: its system, whose SERVER blocks say at which ports they listen.
-        timeout: longest wait for an answer, s.
-
-    Raises:
-        CommunicationError: a block does not listen.
-    """
-
-    def __init__(self, line: Line, whole: System, timeout: float = _TIMEOUT) -> None:
-        self._timeout = timeout
-        self._clients: dict[str, BlockingClient] = {}
-        self._spared: dict[str, int] = {}
-        identities = {
-            block.name: parameter.value.strip("'")
-            for application in whole.applications
-            for block in application.network.blocks
-            for parameter in block.parameters
-            if parameter.name == "ID"
-        }
-        self._ends = {
-            name: (parse_block_id(identities[name]), Signature(receives), Signature(sends))
-            for name, (receives, sends) in _signatures(line).items()
-        }
-        try:
-            for name in self._ends:
-                self._connect(name)
-        except CommunicationError:
-            self.close()
-            raise
-
-    def __enter__(self) -> Served:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Ends the connections."""
-        for client in self._clients.values():
-            client.close()
-
-    def _connect(self, block: str) -> None:
-        self._clients[block] = BlockingClient(*self._ends[block], self._timeout)
-
-    def exchange(self, block: str, values: Sequence[Any]) -> tuple[Any, ...]:
-        if self._spared.get(block):
-            self._spared[block] -= 1
-            raise CommunicationError(f"{block} does not answer")
-        try:
-            if self._clients[block].lost:
-                self._connect(block)
-            return tuple(self._clients[block].exchange(values))
-        except CommunicationError:
-            self._spared[block] = _RETRY
-            raise
 
 
 class _Post:
@@ -216,17 +189,6 @@ def servers(line: Line) -> list[str]:
     return zones + stations + vehicles
 
 
-def _signatures(line: Line) -> dict[str, tuple[list[DataType], list[DataType]]]:
-    """What each SERVER block of a line receives and sends."""
-    found: dict[str, tuple[list[DataType], list[DataType]]] = {}
-    for zone in line.zones:
-        found[plant_of(zone.name)] = [DINT, DINT], [DINT]
-        found[setup_of(zone.name)] = [DINT] * MOST_OPERATIONS, [DINT]
-        found |= {plant_of(vehicle.name): ([DINT, BOOL, BOOL, DINT], [DINT] * 3) for vehicle in zone.vehicles}
-        found |= {plant_of(station.name): ([DINT] * 5, [DINT]) for station in zone.stations}
-    return found
-
-
 class Control:
     """Exchanges samples and commands between a plant and the blocks, once a cycle.
 
@@ -239,6 +201,7 @@ class Control:
     Attributes:
         blocks: the running blocks.
         absent: names of the blocks that do not answer.
+        stopped: names of the stations whose arms are stopped.
     """
 
     def __init__(self, line: Line, blocks: Exchange, patient: bool = False) -> None:
@@ -247,6 +210,9 @@ class Control:
         self._renewed = False
         self._assignment: Assignment = line.assignment
         self._counts: dict[str, int] = {}
+        self._done_by: dict[str, dict[str, str]] = {zone.name: {} for zone in line.zones}
+        self._behind: dict[str, dict[str, str]] = {}
+        self.stopped: set[str] = set()
 
     def set_up(self, assignment: Assignment) -> bool:
         """Tells the zones which station does which operation from now on.
@@ -268,20 +234,63 @@ class Control:
         self._assignment = assignment
         return True
 
+    def set_up_zone(self, number: int, share: Assignment) -> bool:
+        """Tells one zone alone, by its number, the jobs that its stations do from now on; whether it takes that."""
+        return self._send_assignment(self._line.zones[number], share)
+
+    def now(self, plant: Plant) -> Situation | None:
+        """How the line is between two cycles; None where the blocks cannot tell their state."""
+        blocks = self.blocks.now()
+        done_by = {name: dict(jobs) for name, jobs in self._done_by.items()}
+        return None if blocks is None else Situation(plant.now(), dict(self._counts), done_by, blocks)
+
+    def resume(self, now: Situation) -> None:
+        """Goes on with blocks of the same kind from there."""
+        self.blocks.resume(now.blocks)
+        self._counts = dict(now.set_ups)
+        self._done_by = {name: dict(jobs) for name, jobs in now.done_by.items()}
+
     def _send_assignment(self, zone: ZonePlan, assignment: Assignment) -> bool:
         """Tells a zone; whether it takes it."""
         names = [station.name for station in zone.stations]
+        own = {name: station for name, station in assignment.items() if station in names}
+        behind = self._taken_over(zone, assignment, own)
+        share = own | behind
         digits = dict.fromkeys((operation.name for operation in self._line.operations), 0)
         for job in self._line.jobs:
-            station = assignment[job.name]
-            digits[job.operation] += 10**job.kind * (zone.station(station) if station in names else 0)
+            station = share.get(job.name, "")
+            digits[job.operation] += 10**job.kind * (zone.station(station) if station else 0)
         numbers = [*digits.values(), *[0] * (MOST_OPERATIONS - len(digits))]
         answer = self._ask(setup_of(zone.name), numbers)
         if answer is None:
             return False
         taken = answer[0] != self._counts.get(zone.name)
         self._counts[zone.name] = answer[0]
+        if taken:
+            self._done_by[zone.name] |= own
+            self._behind[zone.name] = behind
         return taken
+
+    def _taken_over(self, zone: ZonePlan, assignment: Assignment, own: Assignment) -> dict[str, str]:
+        """What the stations of a zone still do, beside its own jobs, of those that a zone before it has taken over.
+
+        Boxes never go back, so the zone goes on to do these with the boxes that have come to it before: at another
+        station than the one that has lost them, where there is one, because its arm may no longer be able to.
+        """
+        names = [station.name for station in zone.stations]
+        number, before = self._line.zones.index(zone), self._done_by[zone.name]
+        found = {}
+        for job in itertools.takewhile(lambda job: job.name not in own, self._line.jobs):
+            at = assignment.get(job.name)
+            if job.name in before and (at is None or self._line.zone_of(at) < number):
+                able = [n for n in self._line.able(job.operation) if n in names and n not in self.stopped]
+                others = [station for station in able if station != before[job.name]]
+                found[job.name] = others[0] if others else before[job.name]
+        return found
+
+    def _goes_on_behind(self, station: str) -> bool:
+        """Whether a station does something that a zone before its own has taken over."""
+        return any(station in jobs.values() for jobs in self._behind.values())
 
     def _ask(self, block: str, values: Sequence[Any]) -> tuple[Any, ...] | None:
         """The answer of a block; None of one that does not answer."""
@@ -306,9 +315,13 @@ class Control:
         if self._renewed:
             self._counts.clear()  # a zone that has begun anew counts its set-ups from the first
             self._renewed = not self.set_up(self._assignment)
-        for number, zone in enumerate(self._line.zones):
+        for number in plant.active:
+            zone = self._line.zones[number]
             for station in zone.stations:
                 tags, report = plant.station_tags(station.name), plant.stations[station.name].report
+                if report.stop and station.name not in self.stopped and self._goes_on_behind(station.name):
+                    self._renewed = True  # boxes that a zone before would do now are to be done by another one
+                (self.stopped.add if report.stop else self.stopped.discard)(station.name)
                 if answer := self._ask(plant_of(station.name), (*tags, report.arm, report.stop)):
                     plant.offer(station.name, *answer)
             for planned in zone.vehicles:

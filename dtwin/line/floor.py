@@ -10,6 +10,7 @@ from dtwin.errors import ParameterError, choices
 from dtwin.line.control import Control, Devices, Exchange, OneResource
 from dtwin.line.line import CYCLE, Line
 from dtwin.line.plant import LineEvent, MakeVehicle, Plant, check_boxes, emulated_vehicle
+from dtwin.line.situation import Situation
 from dtwin.line.station import Station
 from dtwin.line.stations import emulated
 from dtwin.line.vehicle import FULL, Vehicle
@@ -81,6 +82,11 @@ class Floor:
     def time(self) -> float:
         """Plant time, s."""
         return self.plant.time
+
+    @property
+    def situation(self) -> Situation | None:
+        """What it is now; None where blocks elsewhere do not tell their state."""
+        return self.control.now(self.plant)
 
     def step(self) -> None:
         """Runs for a cycle.

@@ -16,6 +16,7 @@ from typing import Final
 
 import numpy as np
 
+from dtwin.bus.line.situation import BoxNow, PlantNow, StationNow
 from dtwin.errors import DtwinError
 from dtwin.line.line import CYCLE, FINISHED, Line, Load, VehiclePlan, ZonePlan
 from dtwin.line.station import FREE, HOLDING, OFFERED, Report, Station
@@ -54,6 +55,8 @@ class StationState:
         finished: number of the box that is finished, 0 for none.
         worked: number of the box that the arm holds, 0 for none.
         report: what the station told last.
+        place, began: where its arm brings a box, or brought the last one, and since when that is offered or held, s.
+        last, ended: where it brought the last one that is finished, "" for none, and when it did, s.
     """
 
     station: Station
@@ -61,6 +64,10 @@ class StationState:
     finished: int = 0
     worked: int = 0
     report: Report = field(default_factory=lambda: Report(FREE, 0, ()))
+    place: str = ""
+    began: float = 0.0
+    last: str = ""
+    ended: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +116,9 @@ class Plant:
         source: number of the box at the source, 0 for none.
         outside: boxes that wait in front of it.
         lost: boxes that were lost.
+        unfinished: boxes that have left though something was still to be done to them.
         collisions: pairs of vehicles that touched one another, each counted once per touch.
+        active: numbers of the zones that go on.
     """
 
     def __init__(self, line: Line, stations: dict[str, Station], vehicle: MakeVehicle = emulated_vehicle) -> None:
@@ -122,8 +131,10 @@ class Plant:
         self.events: list[LineEvent] = []
         self.outside = 0
         self.lost = 0
+        self.unfinished = 0
         self.collisions = 0
         self.source = 0
+        self.active: Sequence[int] = range(len(line.zones))
         self._cycles = 0
         self._arrived = 0
         self._touching: set[tuple[str, str]] = set()
@@ -149,7 +160,7 @@ class Plant:
         self._cycles += 1
         for name, report in reports.items():
             self._take_report(name, report)
-        for zone in self.line.zones:
+        for zone in self._zones():
             for vehicle in zone.vehicles:
                 self._move(zone, self.vehicles[vehicle.name])
         self._enter()
@@ -189,6 +200,7 @@ class Plant:
             colour = self.line.operations[box.done].place
             state.station.give("bring", box.mass, colour)
             state.report = Report(OFFERED, state.report.stop, ())
+            state.place, state.began = colour, self.time
 
     def load(self, name: str) -> Load | None:
         """Where the arm of a station shall bring its box, or the one that it is offered, and its weighed mass, kg.
@@ -218,11 +230,12 @@ class Plant:
         state.report = report
         for event in report.events:
             if event.kind == EventKind.PICKED:
-                state.worked, state.waits = state.waits, 0
+                state.worked, state.waits, state.began = state.waits, 0, event.time
                 self._say("work", name, state.worked, self.line.operations[self.boxes[state.worked].done].name)
             elif event.kind == EventKind.DELIVERED:
                 self.boxes[state.worked].done += 1
                 state.finished, state.worked = state.worked, 0
+                state.last, state.ended = state.place, event.time
                 self._say("done", name, state.finished)
             elif event.kind in (EventKind.MISPLACED, EventKind.SLIPPED):
                 self.lost += 1
@@ -279,6 +292,7 @@ class Plant:
         number = self.line.zones.index(zone)
         if slot == EXIT and number == len(self.line.zones) - 1:
             self.left.append((box, self.time))
+            self.unfinished += self.boxes[box].done < len(self.line.operations)
             self._say("left", self.line.sink, box)
             return True
         if slot == EXIT:
@@ -299,18 +313,60 @@ class Plant:
             self.outside += 1
         if self.outside and not self.source:
             source = self.line.source
-            mass = source.lightest + (source.heaviest - source.lightest) * float(self._generator.random())
-            if source.masses:
-                mass = source.masses[len(self.boxes) % len(source.masses)]
-            self.source = len(self.boxes) + 1
-            self.boxes[self.source] = LineBox(self.source, mass)
+            self.source = self.new_box()
             self.outside -= 1
             self._say("entered", source.node, self.source)
+
+    def new_box(self, done: int = 0) -> int:
+        """Makes a box to which some operations were done; its number."""
+        source, number = self.line.source, len(self.boxes) + 1
+        mass = source.lightest + (source.heaviest - source.lightest) * float(self._generator.random())
+        if source.masses:
+            mass = source.masses[len(self.boxes) % len(source.masses)]
+        self.boxes[number] = LineBox(number, mass, done)
+        return number
+
+    def now(self) -> PlantNow:
+        """How it is, as sensors tell."""
+        stations, vehicles = [], [vehicle.now() for vehicle in self.vehicles.values()]
+        held = [self.source, *(vehicle.box for vehicle in vehicles), *(n for each in self.buffers for n in each)]
+        for name, state in self.stations.items():
+            waits, worked, finished = slots = state.waits, state.worked, state.finished
+            last, ended = state.last, state.ended
+            does = state.report.arm
+            stations.append(StationNow(name, waits, worked, finished, does, state.place, state.began, last, ended))
+            held += slots
+        found = [self.boxes[number] for number in held if number]
+        boxes = tuple(BoxNow(box.number, self.line.source.kind(box.mass), box.done) for box in found)
+        buffers = tuple(map(tuple, self.buffers))
+        ends = self.source, self.outside, buffers
+        return PlantNow(self.time, len(self.boxes), boxes, *ends, tuple(stations), tuple(vehicles))
+
+    def resume(self, now: PlantNow) -> None:
+        """Is as it was, with stations that are so already; a box has the largest mass of its class then."""
+        self._cycles = round(now.time / CYCLE)
+        self._arrived = math.ceil(round(now.time / self.line.source.every, 9))
+        self.source, self.outside = now.source, now.outside
+        self.boxes = {number: LineBox(number, self.line.source.heaviest) for number in range(1, now.entered + 1)}
+        for box in now.boxes:
+            self.boxes[box.number] = LineBox(box.number, self.line.classes[box.kind].heaviest, box.done)
+        self.buffers = [deque(each) for each in now.buffers]
+        for vehicle in now.vehicles:
+            self.vehicles[vehicle.name].resume(vehicle)
+        for each in now.stations:
+            if each.name in self.stations:
+                state = self.stations[each.name]
+                state.waits, state.worked, state.finished = each.waits, each.worked, each.finished
+                state.place, state.began, state.last, state.ended = each.place, each.began, each.last, each.ended
+                state.report = Report(each.arm, 0, ())
+
+    def _zones(self) -> list[ZonePlan]:
+        return [self.line.zones[number] for number in self.active]
 
     def _watch(self) -> None:
         """Looks for vehicles that touch one another, whatever control believes."""
         touching = set()
-        for zone in self.line.zones:
+        for zone in self._zones():
             places = [(v.name, self.vehicles[v.name].position) for v in zone.vehicles]
             for k, (one, a) in enumerate(places):
                 for other, b in places[k + 1 :]:
@@ -339,8 +395,3 @@ def check_boxes(plant: Plant) -> None:
     found = plant.in_line() + len(plant.left) + plant.lost
     if found != len(plant.boxes):
         raise DtwinError(f"boxes of the line: expected {len(plant.boxes)}, found {found}")
-
-
-def positions(vehicles: Sequence[Vehicle]) -> list[tuple[float, float]]:
-    """Where vehicles are, m."""
-    return [vehicle.position for vehicle in vehicles]

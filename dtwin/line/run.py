@@ -13,6 +13,7 @@ from dtwin.line.control import Exchange
 from dtwin.line.floor import Floor, Sample, cycles_of
 from dtwin.line.line import Line
 from dtwin.line.plant import LineEvent
+from dtwin.line.situation import Situation
 from dtwin.line.station import WorkTimes, settings_text
 from dtwin.line.twins.decisions import OPERATOR, REPAIRED, Absence, Decision, Mode
 from dtwin.line.twins.guard import Guard, Hands
@@ -92,7 +93,10 @@ class LineRun:
         self.plant, self.emulated = self.floor.plant, self.floor.emulated
         self.course = Course(self.floor.events, self.floor.samples)
         nodes = self._nodes = {s.name: node_of(line, s) for s in line.stations}
-        zones = [ZoneTwin(line, number, nodes) for number in range(len(line.zones))]
+        zones = [
+            ZoneTwin(line, number, nodes, lambda: self.situation, settings.devices)
+            for number in range(len(line.zones))
+        ]
         hands = Hands(
             lambda name, state, why: self.emulated[name].give(state),
             lambda name, other, why: self.emulated[name].give("settings", text=settings_text(other)),
@@ -158,6 +162,11 @@ class LineRun:
     def sample(self) -> Sample:
         """What the line does now."""
         return self.floor.sample()
+
+    @property
+    def situation(self) -> Situation | None:
+        """What it is now; None where blocks elsewhere do not tell their state."""
+        return self.floor.situation
 
     def is_stopped(self, station: str) -> bool:
         """Whether the arm of a station is stopped, or is to be in the next cycle."""

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.bus.line.plant import ArmSettings
+from dtwin.bus.line.situation import StationNow
 from dtwin.controller.bounds import check_bounds
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.ports import STOP, VERDICT
@@ -309,18 +310,32 @@ class TimedStation:
         self._place = ""
         self._picks = self._delivers = 0.0
         self._arm = FREE
+        self._stop = 0
+
+    def resume(self, now: StationNow, time: float, stopped: bool) -> None:
+        """Goes on as a station does at a plant time (s), or stands as one whose arm is stopped."""
+        carry, back = self._times.carry, self._times.back
+        self._time, self._arm, self._place, self._stop = time, now.arm, now.place, int(stopped)
+        if now.last:
+            self._ready = now.ended + back.get(now.last, max(back.values()))
+        self._picks = now.began if now.arm == HOLDING else max(now.began, self._ready) + self._times.grip
+        self._delivers = self._picks + carry.get(now.place, max(carry.values()))
 
     def give(self, kind: str, mass: float = 0.0, text: str = "") -> None:
         if kind == "bring":
             self._arm, self._place = OFFERED, text
             self._picks = max(self._time, self._ready) + self._times.grip
-            self._delivers = self._picks + self._times.carry[text]
+            if text not in self._times.carry:
+                self._stop = 1  # an arm is stopped that is offered what it cannot hold
+            self._delivers = self._picks + self._times.carry.get(text, 0.0)
         elif kind == "take":
             self._arm = FREE
 
     def advance(self, ticks: int) -> Report:
         self._time += PERIOD * ticks
-        events = []
+        events: list[Event] = []
+        if self._stop:
+            return Report(self._arm, self._stop, ())
         if self._arm == OFFERED and self._picks <= self._time:
             self._arm = HOLDING
             events.append(Event(self._picks, EventKind.PICKED, ""))

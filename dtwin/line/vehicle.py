@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
+from dtwin.bus.line.situation import VehicleNow
 from dtwin.line.line import VehiclePlan
 from dtwin.line.track import Point, Track
 
@@ -105,6 +106,16 @@ class Vehicle:
             self.path.append(node)
         if (command.action, command.slot) != (self.action, self._slot):
             self.action, self._slot, self._busy = command.action, command.slot, 0.0
+
+    def now(self) -> VehicleNow:
+        """How it is."""
+        does = self.box, self.action, self._slot, self._busy
+        return VehicleNow(self.plan.name, tuple(self.path), self._gone, self.speed, self.battery, *does)
+
+    def resume(self, now: VehicleNow) -> None:
+        """Is as it was."""
+        self.path, self._gone, self.speed, self.battery = list(now.path), now.gone, now.speed, now.battery
+        self.box, self.action, self._slot, self._busy = now.box, now.action, now.slot, now.busy
 
     def advance(self, period: float) -> int:
         """Drives and acts for a period (s).

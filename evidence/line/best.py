@@ -17,8 +17,9 @@ import numpy as np
 from dtwin.emulation.faults import parse_fault, schedule
 from dtwin.errors import DtwinError
 from dtwin.line.line import Assignment, Line, Load, StationPlan
-from dtwin.line.station import EmulatedStation, WorkTimes, cell_settings
-from dtwin.line.twins.overall import predicted
+from dtwin.line.situation import Situation
+from dtwin.line.station import OFFERED, EmulatedStation, WorkTimes, cell_settings
+from dtwin.line.twins.forward import Change, Forward
 from dtwin.line.twins.rehearsal import Round, first_round, rehearsed, times_of
 
 SLOWER: Final = (1.0, 1.05, 1.1, 1.2, 1.3, 1.4, 1.5, 1.75, 2.0, 2.5, 3.0)
@@ -36,35 +37,50 @@ _SPREAD: Final = 100
 """Number of masses that stand for drawn ones."""
 
 
-def best_rate(line: Line, station: str, horizon: float, fault: str = "") -> float:
+def best_rate(line: Line, station: str, now: Situation, counts: tuple[float, float], fault: str = "") -> float:
     """Boxes an hour of the best of all ways to share the work out after an arm has failed.
 
-    Ways whose busiest arm alone would let fewer boxes through than another way are not simulated.
+    Each is simulated from the running line on, as it was at one moment. Ways whose busiest arm alone would let
+    fewer boxes through than another way are not simulated, and none that the blocks refuse.
 
     Args:
         line: the line.
-        station: the station whose arm has failed, "" for none.
-        horizon: time that counts, s.
+        station: the station whose arm has failed.
+        now: what the line was then.
+        counts: times between which boxes that leave count, s.
         fault: what has happened to it, without its time; "" if it can do nothing.
     """
     usual = work_times(line)
-    ways = [(each, usual) for each in possible(line, station)]
+    held = _load(line, station, now)
+    ways = [Change(each, usual, (station,)) for each in possible(line, station)]
     if fault:
         plan = next(each for each in line.stations if each.name == station)
         choices = slowed(plan, fault, usual_loads(line, plan))
         for each in possible(line, "", station):
-            needed = line.loads(each, station)
+            needed = line.loads(each, station) | held
             able = next((rounds for rounds in choices if needed <= set(rounds)), None)
-            if needed and able is not None:
-                times = times_of({place: able[place, mass] for place, mass in sorted(needed)})
+            if able is not None:
+                times = times_of({place: able[place, mass] for place, mass in sorted(needed or able)})
                 assert times is not None
-                ways.append((each, {**usual, station: times}))
-    best = 0.0
-    for bound, each, taken in sorted(((busiest(line, t, e), e, t) for e, t in ways), key=lambda way: -way[0]):
-        if _EDGES * bound < best:
+                ways.append(Change(each, {**usual, station: times}))
+    best, forward = 0.0, Forward(line)
+    for bound, _, way in sorted((-busiest(line, way.times, way.assignment), k, way) for k, way in enumerate(ways)):
+        if _EDGES * -bound < best:
             break
-        best = max(best, predicted(line, taken, each, horizon))
+        left = forward.left(now, way, counts[1] - now.plant.time)
+        counted = [time for time, _ in left or () if counts[0] < now.plant.time + time]
+        if len(counted) > 1:
+            best = max(best, 3600.0 * (len(counted) - 1) / (counted[-1] - counted[0]))
     return best
+
+
+def _load(line: Line, station: str, now: Situation) -> frozenset[Load]:
+    """What an arm holds or is offered, where it shall be brought."""
+    boxes = {box.number: box for box in now.plant.boxes}
+    state = next(each for each in now.plant.stations if each.name == station)
+    number = state.worked or (state.waits if state.arm == OFFERED else 0)
+    kinds = [boxes[number].kind] if number else []
+    return frozenset((state.place, line.classes[kind].heaviest) for kind in kinds)
 
 
 def busiest(line: Line, times: Mapping[str, WorkTimes], assignment: Assignment) -> float:

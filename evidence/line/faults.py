@@ -17,6 +17,7 @@ from dtwin.line.file import DEFAULT_NAME, line_of
 from dtwin.line.line import Assignment, Line
 from dtwin.line.run import LineRun, LineSettings
 from dtwin.line.station import WorkTimes
+from dtwin.line.twins.decisions import Decision
 from dtwin.line.twins.overall import predicted
 from evidence.experiment import SeriesCommand
 from evidence.line.best import best_rate, work_times
@@ -96,15 +97,15 @@ class LineOutcome:
     Attributes:
         trial: the trial.
         rate: boxes an hour that left after SETTLING; from EARLIEST on without a fault.
-        best: boxes an hour of the best assignment that the line could have had, by simulation of all; 0 without a
-            fault.
+        best: boxes an hour of the best assignment that the line could have had, by simulation of all from the
+            running line on, as it was when its twins answered, or at the fault if they did not; 0 without a fault.
         predicted: boxes an hour that its twins predict of the assignment that it has at the end, from what they knew
             of the arms when throughput began to count.
         noticed: time from the fault to the set-up or the settings that answer it, s; None if there were none.
         answer: what the twins did first, and what of it the arm can do, in a few words.
         moves: time from the fault to the first motion that the arm is commanded, s, before which nobody can see it
             if the arm only stands; None if there was none.
-        lost, collisions: boxes that were lost, and touches of vehicles.
+        lost, collisions: boxes that were lost or left unfinished, and touches of vehicles.
         stood: whether no box left for STANDING at the end.
     """
 
@@ -171,26 +172,37 @@ def tried(trial: LineTrial) -> LineOutcome:
     since, known = _since(trial), work_times(line)
     horizon = trial.duration - since
 
+    then, able = run.situation, trial.fault if trial.fault not in CAUSES["stopping"] else ""
+
     def look() -> None:
+        nonlocal then, able
+        acts = trial.twins and run.time <= since and not _answers(run)
+        if trial.station and (acts or run.time <= trial.begins):
+            then = run.situation
+            able = "" if run.plant.stations[trial.station].report.stop else able
         if run.time <= since:
             known.update(run.times())
 
     run.run(look=look)
-    answers = [d for d in run.course.decisions if d.what in ("settings", "set-up") and trial.station]
+    answers = _answers(run) if trial.station else []
     left = [time for _, time in run.plant.left]
-    able = trial.fault if trial.fault not in CAUSES["stopping"] else ""
     return LineOutcome(
         trial,
         run.rate(since),
-        best_rate(line, trial.station, horizon, able) if trial.station else 0.0,
+        best_rate(line, trial.station, then, (since, trial.duration), able) if trial.station and then else 0.0,
         expected(line, known, run.work.assignment, horizon),
         answers[0].time - trial.begins if answers else None,
         f"{answers[0].what}, {answers[0].why.partition(':')[0]}" if answers else "",
         _moves(run, trial) if trial.station else None,
-        run.plant.lost,
+        run.plant.lost + run.plant.unfinished,
         run.plant.collisions,
         not left or run.time - left[-1] > STANDING,
     )
+
+
+def _answers(run: LineRun) -> list[Decision]:
+    """What its twins have done of their own, after a fault."""
+    return [each for each in run.course.decisions if each.what in ("settings", "set-up")]
 
 
 def expected(line: Line, times: Mapping[str, WorkTimes], assignment: Assignment, horizon: float) -> float:
@@ -300,7 +312,8 @@ def faults_report(outcomes: Sequence[LineOutcome]) -> Report:
     words = (
         f"Throughput counts from {SETTLING:g} s after a fault on, from {EARLIEST:g} s on without one. The best is the"
         " largest of all ways to share the operations out among the stations that are left, and, where the arm can go"
-        " on, with it at the shortest target time that it can have, each simulated;"
+        " on, with it at the shortest target time that it can have, each simulated from the line on as it was when"
+        " the twins answered, or at the fault if they did not;"
         " predicted is what the twins expect of the assignment that the line has."
         f" {soon(outcomes, True)} of {failed} faults were answered within {SOON:g} s of the first motion after them,"
         f" {soon(outcomes, False)} within {SOON:g} s of the fault itself: while the arm stands, most cannot be seen."

@@ -21,10 +21,11 @@ from dtwin.campaign.spread import Progress
 from dtwin.commands.frame import at_least
 from dtwin.controller.ports import BLOCKS
 from dtwin.errors import CommunicationError, DtwinError
-from dtwin.line.control import Control, Served
+from dtwin.line.control import Control
 from dtwin.line.file import DEFAULT_NAME, line_of
 from dtwin.line.line import CYCLE, Line
 from dtwin.line.plant import Plant, check_boxes
+from dtwin.line.served import Served
 from dtwin.line.station import TimedStation
 from dtwin.line.system import system
 from dtwin.line.twins.rehearsal import rehearsed

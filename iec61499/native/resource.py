@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from struct import Struct
 from struct import error as StructError
@@ -199,6 +199,18 @@ class NativeResource:
         memory.write(self._view, self._offsets[name], place.type, checked)
         if self._recorder is not None:
             self._recorder.written(name, value)
+
+    def recall(self, values: Mapping[str, Any]) -> None:
+        """Sets variables, and charts (`BLOCK.$ECC`) to states, as `read` has told them. Raises FunctionBlockError."""
+        for name, value in values.items():
+            if not name.endswith(CHART):
+                self.write(name, value)
+                continue
+            place, block = self._find(name), self.block_type(name.rpartition(".")[0])
+            states = [state.name for state in block.states] if isinstance(block, model.BasicFBType) else []
+            if value not in states:
+                raise FunctionBlockError(f"{name}: expected {choices(states)}, got {value!r}")
+            memory.write(self._view, self._offsets[name], place.type, states.index(value))
 
     def states(self) -> dict[str, dict[str, Any]]:
         """The values of all variables, by block and name."""

@@ -11,7 +11,6 @@ from pathlib import Path
 
 from dtwin.controller.ports import BLOCKS
 from dtwin.controller.runtime import RuntimeOption, chosen
-from dtwin.line.control import Served
 from dtwin.line.file import DEFAULT_NAME, line_of
 from dtwin.line.fleet.fleet import Fleet
 from dtwin.line.floor import Floor
@@ -19,6 +18,7 @@ from dtwin.line.live.plant import LivePlant
 from dtwin.line.live.seen import RECENT
 from dtwin.line.records.keeper import Keeper
 from dtwin.line.run import fault_of
+from dtwin.line.served import Served
 from dtwin.line.system import system
 from dtwin.services.service import Link, Service, main
 from iec61499.library import Library

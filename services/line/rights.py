@@ -112,7 +112,7 @@ def rights(line: Line, name: str) -> Iterator[Right]:
         yield Right(service_of(zone.name), "publish", f"{key}/{of_line.ZONE_STATE.name}")
         yield Right(service_of(zone.name), "answer", f"{key}/{of_line.ZONE_FLOW.name}")
         yield Right(OVERALL, "ask", f"{key}/{of_line.ZONE_FLOW.name}")
-        for topic in (of_line.PLANT_SET_UP.name, of_line.PLANT_WORD.name):
+        for topic in (of_line.PLANT_SET_UP.name, of_line.PLANT_WORD.name, of_line.PLANT_NOW.name):
             yield Right(PLANT, "answer", f"{key}/{topic}")
             yield Right(service_of(zone.name), "ask", f"{key}/{topic}")
     for station in line.stations:

@@ -15,13 +15,14 @@ from dtwin.controller.ports import BLOCKS
 from dtwin.emulation.boxes import Box, Deliveries
 from dtwin.emulation.emulation import Emulation
 from dtwin.errors import DtwinError
-from dtwin.line.control import Control, Devices, OneResource, Served
+from dtwin.line.control import Control, Devices, OneResource
 from dtwin.line.file import line_of
 from dtwin.line.line import Line
 from dtwin.line.plant import Plant, check_boxes
 from dtwin.line.records.kept import HISTORY, kept, prepare, read, write
 from dtwin.line.records.report import page, summary
 from dtwin.line.run import LineRun, LineSettings
+from dtwin.line.served import Served
 from dtwin.line.station import EmulatedStation, Input, TimedStation, WorkTimes, replayed
 from dtwin.line.system import system
 from dtwin.line.twins.decisions import Decision

@@ -14,6 +14,7 @@ from dtwin.names import Name
 from dtwin.parameters import ArmParameters
 from dtwin.signals import SCHEMA, Count, Line, Seconds, Word
 
+Passing = Annotated[tuple[tuple[Seconds, Count], ...], msgspec.Meta(max_length=1000)]
 Operations = Annotated[tuple[Name, ...], msgspec.Meta(max_length=8)]
 
 
@@ -166,10 +167,13 @@ class FlowQuestion(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
     Attributes:
         operations: those that it shall do as its stations can do best now; empty for those of the set-up.
         set_up: station of each operation in force, or of each of its operations.
+        arrivals: boxes that come from the zone before: when, s from now on, and the number of their class of mass;
+            null if there are always more.
     """
 
     operations: Operations
     set_up: SetUps
+    arrivals: Passing | None = None
 
 
 class FlowAnswer(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
@@ -178,7 +182,9 @@ class FlowAnswer(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
     Attributes:
         set_up: station of each of its operations; empty if its stations cannot do them now.
         rate: boxes an hour.
+        left: boxes that leave it from now on, as in `FlowQuestion`; null where that is not known.
     """
 
     set_up: SetUps
     rate: float
+    left: Passing | None = None

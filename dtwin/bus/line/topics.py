@@ -17,12 +17,14 @@ from dtwin.bus.line.messages import (
     ZoneDesks,
 )
 from dtwin.bus.line.plant import FlowAnswer, FlowQuestion, PlantSetUp, PlantState, PlantWord, ZoneState
+from dtwin.bus.line.situation import PlantSituation
 from dtwin.bus.proposals.messages import LineLook, LookRequest, Proposal, ProposalDecision, ProposalRequest
 from dtwin.bus.topics.topic import CHECKED, Topic
 
 PLANT_STATE: Final = Topic("plant/state", "publication", PlantState, None, "plant")
 PLANT_SET_UP: Final = Topic("plant/setup", "query", PlantSetUp, PlantState, "plant")
 PLANT_WORD: Final = Topic("plant/station", "query", PlantWord, PlantState, "plant")
+PLANT_NOW: Final = Topic("plant/now", "query", LookRequest, PlantSituation, "plant")
 ZONE_STATE: Final = Topic("twin/zone/state", "publication", ZoneState, None, "zone")
 ZONE_FLOW: Final = Topic("twin/zone/flow", "query", FlowQuestion, FlowAnswer, "zone", patience=CHECKED)
 LINE_STATE: Final = Topic("twin/overall/state", "query", LookRequest, LineState, "line", patience=CHECKED)
@@ -37,7 +39,7 @@ LINE_RELEASE: Final = Topic("twin/overall/release", "query", StationWord, LineSt
 LINE_PLAN: Final = Topic("twin/overall/plan", "query", LookRequest, LinePlan, "line")
 LINE_DESK: Final = Topic("twin/overall/desk", "query", ZoneDeskRequest, ZoneDesks, "line")
 LINE_TOPICS: Final = (
-    *(PLANT_STATE, PLANT_SET_UP, PLANT_WORD, ZONE_STATE, ZONE_FLOW),
+    *(PLANT_STATE, PLANT_SET_UP, PLANT_WORD, PLANT_NOW, ZONE_STATE, ZONE_FLOW),
     *(LINE_STATE, LINE_PREDICT, LINE_LOOK, LINE_PROPOSE, LINE_DECIDE, SET_UP, LINE_STOP, LINE_SETTLE, LINE_RELEASE),
     *(LINE_PLAN, LINE_DESK),
 )

@@ -13,7 +13,7 @@ from rich.table import Column, Table
 from dtwin.controller.runtime import RuntimeOption, chosen
 from dtwin.errors import ParameterError
 from dtwin.files import RECORDING, ensure_writable, replacing
-from dtwin.line.control import Exchange, Served
+from dtwin.line.control import Exchange
 from dtwin.line.file import DEFAULT_NAME, line_of
 from dtwin.line.line import Line
 from dtwin.line.records.drawing import Drawing
@@ -21,6 +21,7 @@ from dtwin.line.records.kept import Kept, kept, prepare, read, write
 from dtwin.line.records.report import page, summary
 from dtwin.line.records.tables import MOST_ROWS, ask, write_tables
 from dtwin.line.run import LineRun, LineSettings, fault_of
+from dtwin.line.served import Served
 from dtwin.line.system import system
 from dtwin.line.twins.decisions import Mode
 from dtwin.terminal import as_text, print_json, print_table, printable

@@ -20,6 +20,7 @@ from dtwin.line.live.between import Between
 from dtwin.line.live.seen import line_state
 from dtwin.line.live.serving import Answers
 from dtwin.line.twins.decisions import Absence, Decision, Mode
+from dtwin.line.twins.forward import Passing
 from dtwin.line.twins.node import Capability
 from dtwin.line.twins.overall import Choice
 from dtwin.line.twins.reorganisation import Doors, Reorganisation
@@ -71,6 +72,7 @@ class DistantZone:
         self._bus, self._clock = bus.beside(zone.name), clock
         self._heard = clock()
         self._rates: dict[tuple[tuple[str, str], ...], float] = {}
+        self._bests: dict[tuple[tuple[str, str], ...], float] = {}
         self._bus.subscribe(ZONE_STATE, ZoneState, self._hold)
 
     @property
@@ -105,20 +107,20 @@ class DistantZone:
             return Capability("nothing", (), stopped.why or "the blocks have stopped the arm; why is not known yet")
         return Capability("all", self._places, "its twin does not answer")
 
-    def best(self, operations: tuple[str, ...], now: Assignment) -> Flow | None:
+    def best(self, operations: tuple[str, ...], now: Assignment, arrivals: Passing | None = None) -> Flow | None:
         """The way to do some operations that lets most boxes through; None if its stations cannot do them."""
         try:
-            answer = self._ask(FlowQuestion(operations, dict(now)))
+            answer = self._ask(FlowQuestion(operations, dict(now), arrivals))
         except CommunicationError as error:
             log.warning("zone %s stays as it is: %s", self._name, error)
             jobs = [job.name for job in self._jobs if job.operation in operations]
             share = {name: now[name] for name in jobs if now[name] in self._stations}
             able = all(self.capability(at).ability != "nothing" for at in share.values())
-            return Flow(share, self._rates.get(_key(share), 3600.0)) if able and len(share) == len(jobs) else None
+            return Flow(share, self._bests.get(_key(share), 3600.0)) if able and len(share) == len(jobs) else None
         if not answer.set_up:
             return None
-        self._rates[_key(answer.set_up)] = answer.rate
-        return Flow(dict(answer.set_up), answer.rate)
+        self._bests[_key(answer.set_up)] = answer.rate
+        return Flow(dict(answer.set_up), answer.rate, answer.left)
 
     def rate(self, assignment: Assignment) -> float:
         """Boxes an hour that leave the zone when there are always more, and room for them; 0 if nobody knows."""

@@ -9,11 +9,14 @@ from functools import partial
 from typing import Final
 
 from dtwin.bus.line.plant import PlantSetUp, PlantState, PlantWord
-from dtwin.bus.line.topics import PLANT_SET_UP, PLANT_STATE, PLANT_WORD
+from dtwin.bus.line.situation import PlantSituation
+from dtwin.bus.line.topics import PLANT_NOW, PLANT_SET_UP, PLANT_STATE, PLANT_WORD
 from dtwin.bus.messages import FAULT, Done, FaultRequest
+from dtwin.bus.proposals.messages import LookRequest
 from dtwin.bus.session import Bus
 from dtwin.errors import ParameterError, choices
 from dtwin.line.chain.station import ChainStation
+from dtwin.line.control import OneResource
 from dtwin.line.fleet.fleet import Fleet
 from dtwin.line.floor import Floor
 from dtwin.line.line import Assignment, ZonePlan
@@ -98,6 +101,7 @@ class LivePlant:
             own = bus.beside(zone.name)
             own.answer(PLANT_SET_UP, PlantSetUp, partial(ask, partial(self._set_up_in, zone)))
             own.answer(PLANT_WORD, PlantWord, partial(ask, partial(self._word_in, zone)))
+            own.answer(PLANT_NOW, LookRequest, None, partial(ask, self._now))
         arms = {name: bus.beside(name) for name in floor.emulated}
         for name, arm in arms.items():
             arm.answer(FAULT, FaultRequest, partial(ask, partial(self._fault, name)))
@@ -150,6 +154,16 @@ class LivePlant:
     def _state(self) -> PlantState:
         troubles = {} if self._fleet is None else self._fleet.troubles
         return plant_state(self._floor, self._version, self._assignment, self._why, self.pace.late, troubles)
+
+    def _now(self) -> PlantSituation:
+        """What it is now. Raises ParameterError: its blocks cannot tell their state."""
+        blocks = self._floor.control.blocks
+        memory, now = blocks.memory() if isinstance(blocks, OneResource) else None, self._floor.situation
+        if memory is None or now is None:
+            raise ParameterError(
+                "now: expected blocks in this process, as machine code; others do not tell their state"
+            )
+        return PlantSituation(now.plant, now.set_ups, now.done_by, memory)
 
     def _set_up(self, asked: PlantSetUp) -> PlantState:
         if asked.based_on != self._version:

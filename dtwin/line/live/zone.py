@@ -22,20 +22,24 @@ from dtwin.bus.line.plant import (
     StationReading,
     ZoneState,
 )
-from dtwin.bus.line.topics import PLANT_SET_UP, PLANT_STATE, PLANT_WORD, ZONE_FLOW, ZONE_STATE
+from dtwin.bus.line.situation import PlantSituation
+from dtwin.bus.line.topics import PLANT_NOW, PLANT_SET_UP, PLANT_STATE, PLANT_WORD, ZONE_FLOW, ZONE_STATE
 from dtwin.bus.session import Bus
 from dtwin.errors import CommunicationError
 from dtwin.line.chain.cell import arm_cell, believed_chain_settings
+from dtwin.line.control import OneResource
 from dtwin.line.line import Line, Load, StationPlan
 from dtwin.line.live.arms import ArmFollower
 from dtwin.line.live.chain import ChainArmFollower
 from dtwin.line.live.seen import told
+from dtwin.line.situation import Situation
 from dtwin.line.twins.decisions import OPERATOR, REPAIRED, Decision, Mode
 from dtwin.line.twins.guard import Guard, Hands, StopState
 from dtwin.line.twins.node import BEFORE
 from dtwin.line.twins.nodes import node_of
 from dtwin.line.twins.zone import ZoneTwin
 from dtwin.parameters import PERIOD
+from iec61499.errors import FunctionBlockError
 
 log = logging.getLogger(__name__)
 
@@ -70,7 +74,9 @@ class LiveZone:
         self._line, self._mode = line, mode
         zone = line.zones[number]
         nodes = {s.name: node_of(line, s) for s in zone.stations}
-        self._twin = ZoneTwin(line, number, nodes)
+        self._twin = ZoneTwin(line, number, nodes, self._situation)
+        self._blocks: OneResource | None = None
+        self._known: Situation | None = None
         self._guard = Guard(nodes, mode, Hands(self._stop, self._settle, self._needed, self._works, self._note))
         self._decisions: deque[Decision] = deque(maxlen=TOLD)
         self._plant: PlantState | None = None
@@ -196,13 +202,26 @@ class LiveZone:
         except CommunicationError as error:
             log.error("%s: %s is not heard: %s", word.station, word.word, error)
 
+    def _situation(self) -> Situation | None:
+        """What the plant tells that the line is, of a second ago at most; None where it cannot tell."""
+        if self._known is not None and 0.0 <= self.time - self._known.plant.time < _LOOK:
+            return self._known
+        try:
+            told = self._own.ask(PLANT_NOW, None, PlantSituation)
+            self._blocks = self._blocks or OneResource(self._line)
+            self._known = Situation(told.plant, told.set_ups, told.done_by, self._blocks.recall(told.blocks))
+        except (CommunicationError, FunctionBlockError) as error:
+            log.info("simulated from an empty zone on: %s", error)
+            self._known = None
+        return self._known
+
     def _flow(self, asked: FlowQuestion) -> FlowAnswer:
         """Answers on a thread of its own: a simulation takes seconds, in which the arms are watched."""
         share = {name: at for name, at in asked.set_up.items() if at in self._twin.stations}
         if not asked.operations:
             return FlowAnswer(share, self._twin.rate(share) if share else 0.0)
-        flow = self._twin.best(asked.operations, asked.set_up)
-        return FlowAnswer({}, 0.0) if flow is None else FlowAnswer(dict(flow.assignment), flow.rate)
+        flow = self._twin.best(asked.operations, asked.set_up, asked.arrivals)
+        return FlowAnswer({}, 0.0) if flow is None else FlowAnswer(dict(flow.assignment), flow.rate, flow.left)
 
     def _note(self, decision: Decision) -> None:
         self._decisions.append(decision)

@@ -9,6 +9,7 @@ from typing import Protocol
 
 from dtwin.line.line import Assignment, Line
 from dtwin.line.station import WorkTimes
+from dtwin.line.twins.forward import Passing
 from dtwin.line.twins.node import Capability
 from dtwin.line.twins.zone import HORIZON, Flow, simulated
 
@@ -27,8 +28,11 @@ class Zone(Protocol):
     def capability(self, station: str) -> Capability:
         """What the arm of a station can still do."""
 
-    def best(self, operations: tuple[str, ...], now: Assignment) -> Flow | None:
-        """The way to do some operations that lets most boxes through; None if its stations cannot do them."""
+    def best(self, operations: tuple[str, ...], now: Assignment, arrivals: Passing | None = None) -> Flow | None:
+        """The way to do some operations that lets most boxes through; None if its stations cannot do them.
+
+        Arrivals are boxes that come from the zone before; None if there are always more.
+        """
 
     def rate(self, assignment: Assignment) -> float:
         """Boxes an hour that leave the zone when there are always more, and room for them."""
@@ -70,31 +74,36 @@ class OverallTwin:
             now: which station does what now.
             refused: what the zones have refused.
         """
-        found: list[tuple[Assignment, float]] = []
+        found: list[tuple[Assignment, float, str]] = []
         for shares in _shares([operation.name for operation in self._line.operations], len(self._zones)):
-            flows = [
-                zone.best(share, now) if share else Flow({}, 3600.0)
-                for zone, share in zip(self._zones, shares, strict=True)
-            ]
-            if any(flow is None for flow in flows):
+            flows = self._flows(shares, now)
+            if flows is None:
                 continue
-            known = [flow for flow in flows if flow is not None]
-            whole = {name: station for flow in known for name, station in flow.assignment.items()}
-            rate = min([3600.0 / self._line.source.every, *(flow.rate for flow in known)])
+            whole = {name: station for flow in flows.values() for name, station in flow.assignment.items()}
+            rate, slow = min((flow.rate, name) for name, flow in flows.items())
             if whole not in refused:
-                found.append((whole, rate))
+                found.append((whole, min(3600.0 / self._line.source.every, rate), slow))
         if not found:
             return None
-        most = max(rate for _, rate in found)
-        good = [(whole, rate) for whole, rate in found if rate >= 0.995 * most]
-        assignment, rate = min(good, key=lambda each: (changed(now, each[0]), -each[1], sorted(each[0].items())))
-        slow = min(
-            (zone.rate({n: s for n, s in assignment.items() if s in zone.stations}), zone.name)
-            for zone in self._zones
-            if set(assignment.values()) & set(zone.stations)
-        )
-        why = f"{rate:.1f} boxes/h of {len(found)} possible ways, the slowest zone is {slow[1]}"
+        most = max(rate for _, rate, _ in found)
+        good = [each for each in found if each[1] >= 0.995 * most]
+        assignment, rate, slow = min(good, key=lambda it: (changed(now, it[0]), -it[1], sorted(it[0].items())))
+        why = f"{rate:.1f} boxes/h of {len(found)} possible ways, the slowest zone is {slow}"
         return Choice(dict(assignment), rate, why)
+
+    def _flows(self, shares: Sequence[tuple[str, ...]], now: Assignment) -> dict[str, Flow] | None:
+        """The best that each zone with something to do makes of its share, with the boxes that the ones before let
+        through; None if one cannot do it."""
+        flows: dict[str, Flow] = {}
+        arrivals: Passing | None = None
+        for zone, share in zip(self._zones, shares, strict=True):
+            if not share:
+                continue
+            flow = zone.best(share, now, arrivals)
+            if flow is None:
+                return None
+            flows[zone.name], arrivals = flow, flow.left
+        return flows
 
 
 def changed(before: Assignment, after: Assignment) -> int:

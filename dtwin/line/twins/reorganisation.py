@@ -72,7 +72,7 @@ class Reorganisation:
         now = self.assignment if towards is None else towards
         self._pending = None
         refused: list[Assignment] = []
-        while choice := self._overall.choose(now, refused):
+        while choice := self._back(towards, refused) or self._overall.choose(now, refused):
             if not changed(self.assignment, choice.assignment):
                 if not self._possible(self.assignment):  # nobody could tell anything better
                     self._pending = (now, because, station)
@@ -91,6 +91,16 @@ class Reorganisation:
             self._impossible = because
             why = f"{because}: no station can do all that is left"
             self._decide("overall twin", "none possible", why, station)
+
+    def _back(self, towards: Assignment | None, refused: Sequence[Assignment]) -> Choice | None:
+        """What was before, when all arms are well again; None else."""
+        if towards is None or towards in refused:
+            return None
+        abilities = {zone.capability(station).ability for zone in self._zones for station in zone.stations}
+        if abilities != {"all"}:
+            return None
+        rate = self._whole(self._flows(towards))
+        return Choice(dict(towards), rate, f"all arms are well again; {rate:.1f} boxes/h")
 
     def retry(self) -> None:
         """Tries again what could not be done, if anything."""

@@ -7,20 +7,25 @@ the arms are left out: their twins say how long they take. That runs some hundre
 from __future__ import annotations
 
 import itertools
-from collections.abc import Hashable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, replace
+from threading import Lock
 from typing import Final
 
 from dtwin.line.control import Control, OneResource
 from dtwin.line.line import CYCLE, Assignment, Job, Line
 from dtwin.line.plant import Plant
+from dtwin.line.situation import Situation
 from dtwin.line.station import Station, TimedStation, WorkTimes
+from dtwin.line.twins.forward import Change, Forward, Passing
 from dtwin.line.twins.node import Capability, Node
 
 WARM_UP: Final = 150.0
 """Time of a simulation that does not count, s."""
 HORIZON: Final = 600.0
 """Time of a simulation that counts, s."""
+AHEAD: Final = 400.0
+"""Time after a change of the set-up in which boxes that leave are counted, s."""
 _AT_ONCE: Final = 1.0
 """Time between boxes where there is always another one, s."""
 
@@ -32,10 +37,12 @@ class Flow:
     Attributes:
         assignment: the station of every operation.
         rate: boxes that leave in an hour.
+        left: boxes that leave within AHEAD from now on; None where that is not known.
     """
 
     assignment: dict[str, str]
     rate: float
+    left: Passing | None = None
 
 
 class ZoneTwin:
@@ -45,12 +52,24 @@ class ZoneTwin:
         line: the line.
         number: number of the zone, from 0.
         nodes: the twins of its stations, by their names.
+        now: tells how the line is; None where nobody can tell.
+        devices: whether the blocks of what it tells run on a resource for each device.
     """
 
-    def __init__(self, line: Line, number: int, nodes: Mapping[str, Node]) -> None:
+    def __init__(
+        self,
+        line: Line,
+        number: int,
+        nodes: Mapping[str, Node],
+        now: Callable[[], Situation | None] = lambda: None,
+        devices: bool = False,
+    ) -> None:
         self._name = line.zones[number].name
         self._line, self._number = line, number
         self._nodes = {station.name: nodes[station.name] for station in line.zones[number].stations}
+        self._now, self._devices = now, devices
+        self._forward: Forward | None = None
+        self._busy = Lock()
         self._known: dict[tuple[Hashable, ...], float] = {}
 
     @property
@@ -97,14 +116,26 @@ class ZoneTwin:
             if job.operation in node.plan.operations and node.capability.holds(job.load)
         ]
 
-    def best(self, operations: tuple[str, ...], now: Assignment) -> Flow | None:
+    def best(self, operations: tuple[str, ...], now: Assignment, arrivals: Passing | None = None) -> Flow | None:
         """The way to do some operations that lets most boxes through; of equals the one with fewest changes.
 
-        None if the stations cannot do them.
+        That is counted from what the line is now on, where that is known, else from an empty zone on.
+
+        Args:
+            operations: the operations.
+            now: the station of each job now.
+            arrivals: boxes that come from the zone before within AHEAD; None if there are always more.
+
+        Returns:
+            None if the stations cannot do them.
         """
-        found = [Flow(each, self.rate(each)) for each in self.assignments(operations)]
-        if not found:
+        ways, situation = self.assignments(operations), self._now()
+        if not ways:
             return None
+        found = [] if situation is None else [self._from(situation, each, arrivals) for each in ways]
+        found = [flow for flow in found if flow.rate]
+        if not found:  # the blocks take none now: this is the best as soon as they do
+            found = [Flow(each, self.rate(each)) for each in ways]
 
         def changes(flow: Flow) -> int:
             return sum(now.get(name) != station for name, station in flow.assignment.items())
@@ -113,8 +144,17 @@ class ZoneTwin:
         good = [flow for flow in found if flow.rate >= 0.995 * most]
         return min(good, key=lambda flow: (changes(flow), -flow.rate, sorted(flow.assignment.items())))
 
+    def _from(self, now: Situation, assignment: Assignment, arrivals: Passing | None) -> Flow:
+        """What comes of an assignment from a situation on; nothing if the blocks refuse it."""
+        stopped = [name for name, node in self._nodes.items() if node.capability.ability == "nothing"]
+        change = Change(assignment, {name: node.times for name, node in self._nodes.items()}, stopped)
+        with self._busy:
+            self._forward = self._forward or Forward(self._line, self._devices)
+            left = self._forward.left_zone(self._number, now, change, AHEAD, arrivals)
+        return Flow(dict(assignment), 3600.0 * len(left) / left[-1][0] if left else 0.0, left)
+
     def rate(self, assignment: Assignment) -> float:
-        """Boxes an hour that leave the zone when there are always more, and room for them."""
+        """Boxes an hour that leave the zone when it has filled, there are always more, and room for them."""
         times = {name: node.times for name, node in self._nodes.items()}
         key = (*sorted(assignment.items()), *(_in_cycles(each) for each in times.values()))
         if key not in self._known:

@@ -1,0 +1,131 @@
+"""What is delivered from now on: a simulation that goes on from the line as it is, and is set up otherwise there.
+
+A line that is rather full keeps for long the rhythm in which it is when it is set up anew, with boxes in the wrong
+order or at the wrong stations; one that is simulated from an empty line on knows nothing of that.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+
+from dtwin.line.control import Control, Devices, Exchange, OneResource
+from dtwin.line.line import CYCLE, Assignment, Line
+from dtwin.line.plant import Plant
+from dtwin.line.situation import Situation
+from dtwin.line.station import Station, TimedStation, WorkTimes
+
+Passing = tuple[tuple[float, int], ...]
+"""Boxes that pass the end of a zone: when, s from now on, and the number of their class of mass."""
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """What is otherwise from now on.
+
+    Attributes:
+        assignment: the station of every job of what is simulated.
+        times: how long the arms take, by the names of their stations.
+        stopped: names of the stations whose arms stand, with what they hold.
+    """
+
+    assignment: Assignment
+    times: Mapping[str, WorkTimes]
+    stopped: Collection[str] = ()
+
+
+class Forward:
+    """Simulations of a line from what it is on.
+
+    Args:
+        line: the line.
+        devices: whether its blocks run on a resource for each device.
+    """
+
+    def __init__(self, line: Line, devices: bool = False) -> None:
+        self._line = replace(line, seed=line.seed + 1)  # which boxes will come is not known
+        self._blocks: Exchange = (Devices if devices else OneResource)(line)
+
+    def left(self, now: Situation, change: Change, horizon: float) -> Passing | None:
+        """Boxes that leave the line until a horizon, s from now; None if its zones refuse the change."""
+        return self._left(range(len(self._line.zones)), now, change, horizon, ())
+
+    def left_zone(
+        self, number: int, now: Situation, change: Change, horizon: float, arrivals: Passing | None = None
+    ) -> Passing | None:
+        """Boxes that leave a zone behind which there is always room; as `left`.
+
+        Args:
+            number: number of the zone.
+            now: what the line is.
+            change: what is otherwise from then on.
+            horizon: time, s.
+            arrivals: boxes that come from the zone before; None if there are always more. To the first zone they come
+                from the source.
+        """
+        return self._left((number,), now, change, horizon, arrivals)
+
+    def _left(
+        self, zones: Collection[int], now: Situation, change: Change, horizon: float, arrivals: Passing | None
+    ) -> Passing | None:
+        line = self._line
+        names = {station.name for number in zones for station in line.zones[number].stations}
+        stations = {name: TimedStation(change.times[name]) for name in names}
+        for each in now.plant.stations:
+            if each.name in names:
+                stations[each.name].resume(each, now.plant.time, each.name in change.stopped)
+        made: dict[str, Station] = {s.name: stations[s.name] for s in line.stations if s.name in names}
+        plant, control = Plant(line, made), Control(line, self._blocks)
+        plant.resume(now.plant)
+        control.resume(now)
+        plant.active, control.stopped = tuple(zones), set(change.stopped)
+        if not all(control.set_up_zone(number, change.assignment) for number in zones):
+            return None
+        ends = _Ends(line, plant, change.assignment, arrivals)
+        for _ in range(round(horizon / CYCLE)):
+            plant.advance()
+            ends.look()
+            control.step(plant)
+            plant.events.clear()
+        return tuple(ends.left)
+
+
+class _Ends:
+    """The ends of what is simulated: boxes that come from zones that are not, and leave for them.
+
+    Args:
+        line: the line.
+        plant: its plant.
+        assignment: the station of every job.
+        arrivals: boxes that come to the entry; None if there are always more.
+
+    Attributes:
+        left: boxes that have left.
+    """
+
+    def __init__(self, line: Line, plant: Plant, assignment: Assignment, arrivals: Passing | None) -> None:
+        self._plant, self._line, self._arrivals = plant, line, None if arrivals is None else deque(arrivals)
+        self._began = plant.time
+        first, last = min(plant.active), max(plant.active)
+        self._entry, self._exit = first - 1, last
+        self._open = last == len(line.zones) - 1
+        own = {job.operation for job in line.jobs if job.name in assignment}
+        self._done = next((k for k, each in enumerate(line.operations) if each.name in own), len(line.operations))
+        self.left: list[tuple[float, int]] = []
+
+    def look(self) -> None:
+        """Takes away what has left, and brings what is missing."""
+        plant = self._plant
+        time = round(plant.time - self._began, 9)
+        if self._entry >= 0 and self._arrivals is None and not plant.buffers[self._entry]:
+            plant.buffers[self._entry].append(plant.new_box(self._done))
+        while self._entry >= 0 and self._arrivals and self._arrivals[0][0] <= time:
+            number = plant.new_box(self._done)
+            plant.boxes[number].mass = self._line.classes[self._arrivals.popleft()[1]].heaviest
+            plant.buffers[self._entry].append(number)
+        gone = [number for number, _ in plant.left] if self._open else list(plant.buffers[self._exit])
+        self.left += [(time, self._line.source.kind(plant.boxes[number].mass)) for number in gone]
+        plant.left.clear()
+        if not self._open:
+            plant.buffers[self._exit].clear()

@@ -1,0 +1,60 @@
+"""Simulations that go on from the line as it is, and operations that move back a zone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from dtwin.line.control import Control, OneResource
+from dtwin.line.file import line_of
+from dtwin.line.line import Line
+from dtwin.line.plant import Plant
+from dtwin.line.station import Station, TimedStation, WorkTimes
+from dtwin.line.twins.forward import Change, Forward
+
+FULL = replace(line_of("default"), source=replace(line_of("default").source, every=12.0))
+TIMES = {
+    each.name: WorkTimes(
+        0.5, dict.fromkeys(("blue", "red", "green"), 2.8), dict.fromkeys(("blue", "red", "green"), 2.3)
+    )
+    for each in FULL.stations
+}
+BACK = {"deburr": "a1", "mark": "a2", "test": "a2", "pack": "b2"}
+
+
+def running(line: Line, cycles: int) -> tuple[Plant, Control]:
+    stations: dict[str, Station] = {name: TimedStation(times) for name, times in TIMES.items()}
+    plant, control = Plant(line, stations), Control(line, OneResource(line))
+    assert control.set_up(line.assignment)
+    go_on(plant, control, cycles)
+    return plant, control
+
+
+def go_on(plant: Plant, control: Control, cycles: int) -> None:
+    for _ in range(cycles):
+        plant.advance()
+        control.step(plant)
+
+
+def test_a_simulation_goes_on_as_the_line_does() -> None:
+    plant, control = running(FULL, 1500)
+    now, before = control.now(plant), len(plant.left)
+    assert now is not None
+    blocks = OneResource(FULL)
+    assert isinstance(control.blocks, OneResource)
+    memory = control.blocks.memory()
+    if memory is not None:  # as it is told over the bus
+        now = replace(now, blocks=blocks.recall(memory))
+    told = Forward(FULL).left(now, Change(FULL.assignment, TIMES), 120.0)
+    go_on(plant, control, 1200)
+    assert told is not None
+    assert [round(time + 150.0, 6) for time, _ in told] == [time for _, time in plant.left[before:]]
+    assert told
+
+
+def test_no_box_leaves_unfinished_when_an_operation_moves_back_a_zone() -> None:
+    line = replace(FULL, assignment={"deburr": "a1", "mark": "b1", "test": "b1", "pack": "b2"})
+    plant, control = running(line, 1500)
+    assert control.set_up(BACK)
+    go_on(plant, control, 1200)
+    assert len(plant.left) > 5
+    assert plant.unfinished == 0
