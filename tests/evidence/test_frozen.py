@@ -23,10 +23,12 @@ def test_an_arm_whose_codes_repeat_also_when_they_are_healthy_is_held_where_one_
     assert found.fastest < FAST
 
 
-@pytest.mark.parametrize(("number", "joint", "moment"), [(73505, 3, 13.0), (73601, 1, 12.3), (73604, 2, 13.0)])
-def test_a_stopped_encoder_is_known_after_a_few_samples_of_motion(number: int, joint: int, moment: float) -> None:
+@pytest.mark.parametrize(
+    "trial", [Frozen(73505, 1, 3, 13.0), Frozen(73601, 73601, 1, 12.3), Frozen(73604, 73604, 2, 13.0)]
+)
+def test_a_stopped_encoder_is_known_after_a_few_samples_of_motion(trial: Frozen) -> None:
     """Thirteen doubts make a stop, so that there is hardly one more; where it stands, an arm may topple later."""
-    found = freeze(Frozen(number, number, joint, moment))
+    found = freeze(trial)
     assert found.stopped_s is not None
     assert found.stopped_s < 0.2
     assert found.lost == 0
