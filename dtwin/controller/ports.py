@@ -39,6 +39,8 @@ CONFIRM: Final = "DETECTOR.CONFIRM"
 """Input with the samples by which another arm is known, after the first one."""
 OFFSETS: Final = tuple(f"ENCODERS.OFFSET{joint}" for joint in _JOINTS)
 """Inputs with the known offsets of the encoders, rad."""
+REPEATS: Final = tuple(f"OBSERVER.REPEATS{joint}" for joint in _JOINTS)
+"""Inputs with the repetitions of a reading that the noise of an encoder makes impossible; 0 for none."""
 PATH: Final = tuple(f"PLANNER.THETA_D{joint}" for joint in _JOINTS)
 """Outputs with the desired angles of the path, rad."""
 LAST_SAMPLE: Final = ("SEQUENCE.SYSTEM_TIME", *(f"DETECTOR.THETA{joint}" for joint in _JOINTS))

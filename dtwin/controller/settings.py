@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final, get_args
 
-from dtwin.controller.ports import CONFIRM, OFFSETS, PAYLOAD, WIDENED
+from dtwin.controller.ports import CONFIRM, OFFSETS, PAYLOAD, REPEATS, WIDENED
 from dtwin.errors import ParameterError, choices
 from dtwin.parameters import ArmParameters, Gains, Law, PayloadModel, Triple
 
@@ -35,6 +35,8 @@ COMPENSATION_RANGES: Final = {
     "bandwidth": (10.0, 300.0, "rad/s"),
 }
 """Least and greatest value, and unit, of what the cascade takes into account; the Nyquist frequency is 314 rad/s."""
+MOST_REPEATS: Final = 300
+"""Most repetitions of a reading that the observer waits for; by then, 3 s, an arm has toppled."""
 BELIEVED: Final = 0.08
 """Largest distance of a reading that the cascade believes from where its voltages can have brought the joint, rad: in
 a tick, 8 rad/s of a joint that nothing expected to move."""
@@ -74,6 +76,7 @@ class Compensation:
         delay: time from a sample until its voltages act, s, one tick at most.
         dead_zone: voltage that is lost in every amplifier, V.
         bandwidth: double pole of the observer, rad/s.
+        repeats: repetitions of a reading that the noise of each encoder makes impossible; 0 where it does not.
 
     Raises:
         ParameterError: a value is out of range.
@@ -82,12 +85,15 @@ class Compensation:
     delay: float = 0.01
     dead_zone: float = 0.0
     bandwidth: float = 100.0
+    repeats: tuple[int, int, int] = (0, 0, 0)
 
     def __post_init__(self) -> None:
         for name, (low, high, unit) in COMPENSATION_RANGES.items():
             value = getattr(self, name)
             if not low <= value <= high:
                 raise ParameterError(f"{name.replace('_', ' ')}: expected {low:g} to {high:g} {unit}, got {value:g}")
+        if not all(0 <= count <= MOST_REPEATS for count in self.repeats):
+            raise ParameterError(f"repeats: expected 0 to {MOST_REPEATS}, got {self.repeats}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,6 +161,7 @@ class ControlSettings:
         values[CONFIRM] = CONFIRMED if self.law == "cascade" else 0
         values[WIDENED] = RESTLESS if self.law == "cascade" else 1.0
         values["OBSERVER.GATE"] = BELIEVED if self.law == "cascade" else 0.0
+        values.update(zip(REPEATS, self.compensation.repeats, strict=True))
         values["PLANNER.SMOOTH"] = self.law == "cascade"
         values["PLANNER.T"] = self.target_time
         values.update(zip(OFFSETS, self.encoder_offset, strict=True))
@@ -182,7 +189,12 @@ class ControlSettings:
             ArmParameters(*map(triple, (*"KMILCD", "MU"))),
             values[PAYLOAD],
             "weight" if values["CONTROLLER.WEIGHT_ONLY"] else "point",
-            Compensation(values["OBSERVER.DELAY"], values["CONTROLLER.DEAD_ZONE"], values["OBSERVER.BANDWIDTH"]),
+            Compensation(
+                values["OBSERVER.DELAY"],
+                values["CONTROLLER.DEAD_ZONE"],
+                values["OBSERVER.BANDWIDTH"],
+                (round(values[REPEATS[0]]), round(values[REPEATS[1]]), round(values[REPEATS[2]])),
+            ),
             (values[OFFSETS[0]], values[OFFSETS[1]], values[OFFSETS[2]]),
         )
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Final
 
 from dtwin.controller.bounds import ENCODER_OFFSETS, HIGHEST_GAINS, MODEL_RANGES, PAYLOADS, TARGET_TIMES
-from dtwin.controller.settings import COMPENSATION_RANGES, LAWS
+from dtwin.controller.settings import COMPENSATION_RANGES, LAWS, MOST_REPEATS
 from dtwin.errors import FunctionBlockError
 from dtwin.task import MOST_PLACES
 
@@ -48,6 +48,7 @@ _OF_BLOCKS: Final[Mapping[str, Range]] = {
     "OBSERVER.BANDWIDTH": COMPENSATION_RANGES["bandwidth"][:2],
     "DETECTOR.CONFIRM": (0, 100),
     "OBSERVER.GATE": (0.0, math.pi),
+    "OBSERVER.REPEATS": (0, MOST_REPEATS),
     "SEQUENCE.WIDENED": (1.0, 100.0),
     "PLANNER.T": TARGET_TIMES,
     "SEQUENCE.BOX_ANGLE": (0.0, math.pi),

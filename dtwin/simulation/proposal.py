@@ -6,6 +6,7 @@ is exact for joint 1 and near for the others. What the data do not tell is not c
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
@@ -13,8 +14,8 @@ from typing import Final
 from dtwin.campaign.spread import Progress
 from dtwin.controller.motion import MotionController
 from dtwin.controller.proposed import LeastMargins, ProposedSettings
-from dtwin.controller.settings import COMPENSATION_RANGES, Compensation, ControlSettings, usual_gains
-from dtwin.identification.machine.record import MachineRecord
+from dtwin.controller.settings import COMPENSATION_RANGES, MOST_REPEATS, Compensation, ControlSettings, usual_gains
+from dtwin.identification.machine.record import EncoderCheck, MachineRecord
 from dtwin.parameters import PERIOD, ArmParameters, Law
 from dtwin.simulation.checks import Checker
 from dtwin.simulation.margins.demands import MARGINS, Case, cases
@@ -23,6 +24,8 @@ from dtwin.simulation.margins.poses import Pose, places, poses
 from dtwin.task import DEFAULT_TASK, Task
 from dtwin.twin.effects import Effects
 
+_IMPOSSIBLE: Final = 1e-12
+"""Probability of what does not happen: once in 300 years of readings."""
 _MOST_GAIN: Final = 60.0
 """Gain margin, dB, above which none is told."""
 
@@ -108,11 +111,31 @@ def with_rotors(arm: ArmParameters, effects: Effects) -> ArmParameters:
 
 def compensation(record: MachineRecord) -> Compensation:
     """What the controller should take into account of drives and encoders."""
-    delay, usual = record.numbers["delay"], Compensation()
+    first, second, third = map(repeats, record.sensors.encoders)
+    delay, usual = record.numbers["delay"], Compensation(repeats=(first, second, third))
     if not delay.told:
         return usual
     low, high, _ = COMPENSATION_RANGES["delay"]
     return replace(usual, delay=min(max(delay.value + sum(record.effects.lag) / 3.0, low), high))
+
+
+def repeats(encoder: EncoderCheck) -> int:
+    """Repetitions of a reading that the noise of an encoder makes impossible; 0 where it repeats for long at rest.
+
+    A joint at rest repeats a code the most often in the middle of it, with the probability p that Gaussian noise
+    stays within half a step, so that n times in a row have the probability p^n. Noise with a memory repeats more
+    often, which the log has shown.
+    """
+    if encoder.step is None or encoder.rest is None or encoder.repeats is None:
+        return 0
+    variance = min(encoder.rest, encoder.noise) ** 2 - encoder.step**2 / 12.0
+    if variance <= 0.0:
+        return 0
+    within = math.erf(encoder.step / math.sqrt(8.0 * variance))
+    count = (
+        max(math.ceil(math.log(_IMPOSSIBLE) / math.log(within)), 2 * encoder.repeats) if within < 1.0 else math.inf
+    )
+    return int(count) if count <= MOST_REPEATS else 0
 
 
 def dead_zone(record: MachineRecord) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Final, NamedTuple
@@ -12,14 +13,16 @@ from dtwin.campaign.spread import Progress, Workforce, spread
 from dtwin.commands.frame import at_least
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.ports import STOP
-from dtwin.controller.settings import ControlSettings
+from dtwin.controller.settings import Compensation, ControlSettings
 from dtwin.emulation.emulation import Emulation
 from dtwin.emulation.faults import parse_fault
 from dtwin.emulation.machine.files import machine_of
+from dtwin.emulation.machine.sections import Sensing
+from dtwin.identification.machine.record import EncoderCheck
 from dtwin.parameters import ArmParameters, Triple
 from dtwin.run.loop import run, tick_count
 from dtwin.signals import STOPS, StepRecord
-from dtwin.simulation.proposal import with_rotors
+from dtwin.simulation.proposal import repeats, with_rotors
 from evidence.experiment import SeriesCommand
 from evidence.recovery.expected import made_of
 from evidence.report import Report, page, table
@@ -83,7 +86,10 @@ def freeze(trial: Frozen) -> FrozenOutcome:
     arm, effects = made_of(machine, ArmParameters())
     fault = parse_fault(f"freeze{trial.joint}@{trial.moment:.2f}")
     plant = Emulation(machine=machine, seed=trial.seed, faults=(fault,))
-    controller = EmbeddedController(ControlSettings(law="cascade", model=with_rotors(arm, effects)))
+    known = ControlSettings(
+        law="cascade", model=with_rotors(arm, effects), compensation=known_encoders(machine.sensing)
+    )
+    controller = EmbeddedController(known)
     stop_now = controller.resource.reader((STOP,))
     box, fastest, moved, times = False, 0.0, 0.0, dict[str, float]()
     stood: Triple | None = None
@@ -115,6 +121,16 @@ def freeze(trial: Frozen) -> FrozenOutcome:
         moved,
         plant.box_counts.misplaced,
     )
+
+
+def known_encoders(sensing: Sensing) -> Compensation:
+    """What the controller of a commissioned machine takes into account of its encoders."""
+    if not sensing.bits:
+        return Compensation()
+    step = math.tau / 2**sensing.bits
+    spread = math.hypot(sensing.noise, step / math.sqrt(12.0))
+    count = repeats(EncoderCheck(step, spread, spread, 0.0, 0.0, 0))
+    return Compensation(repeats=(count, count, count))
 
 
 def frozen_encoders(
@@ -151,8 +167,8 @@ def frozen_report(found: Sequence[FrozenOutcome]) -> Report:
     return page(
         "Encoders that stop",
         f"Every encoder of {len({one.number for one in found})} drawn machines stops at {len(MOMENTS)} moments of a"
-        " motion, under the function blocks alone, whose controller knows the arm. Held: stopped, with torque, and"
-        f" no joint moved by more than {HELD:g} rad in {WATCHED:g} s.",
+        " motion, under the function blocks alone, whose controller knows the arm and its encoders. Held: stopped,"
+        f" with torque, and no joint moved by more than {HELD:g} rad in {WATCHED:g} s.",
         table(header, rows),
     )
 

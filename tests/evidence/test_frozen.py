@@ -16,11 +16,22 @@ def test_a_run_tells_whether_a_box_was_held_and_what_became_of_the_arm(moment: f
     assert found.held == (found.torque_off_s is None and found.moved <= HELD)
 
 
-@pytest.mark.parametrize("moment", [12.3, 12.65, 13.0])
+@pytest.mark.parametrize("moment", [12.3, 12.65])
 def test_an_arm_whose_codes_repeat_also_when_they_are_healthy_is_held_where_one_stops(moment: float) -> None:
     found = freeze(Frozen(73505, 1, 3, moment))
     assert found.held
     assert found.fastest < FAST
+
+
+@pytest.mark.parametrize(
+    "trial", [Frozen(73505, 1, 3, 13.0), Frozen(73601, 73601, 1, 12.3), Frozen(73604, 73604, 2, 13.0)]
+)
+def test_a_stopped_encoder_is_known_after_a_few_samples_of_motion(trial: Frozen) -> None:
+    """Thirteen doubts make a stop, so that there is hardly one more; where it stands, an arm may topple later."""
+    found = freeze(trial)
+    assert found.stopped_s is not None
+    assert found.stopped_s < 0.2
+    assert found.lost == 0
 
 
 def test_the_page_counts_runs_by_encoder_and_box() -> None:

@@ -1,5 +1,6 @@
 """Settings for an identified arm: what they are made of, their margins on that arm, and when they are refused."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +14,7 @@ from dtwin.commands.simulation.upload import UploadGains, UploadModel
 from dtwin.controller.proposed import read_settings
 from dtwin.controller.settings import Compensation, usual_gains
 from dtwin.errors import ModelError, ParameterError
-from dtwin.identification.machine.record import MachineRecord, read_record, write_record
+from dtwin.identification.machine.record import EncoderCheck, MachineRecord, read_record, write_record
 from dtwin.parameters import ArmParameters
 from dtwin.run.cell_file import cell_of
 from dtwin.run.options import ControlOptions
@@ -22,7 +23,7 @@ from dtwin.simulation.margins import design
 from dtwin.simulation.margins.demands import MARGINS
 from dtwin.simulation.margins.loop import linear_arm
 from dtwin.simulation.margins.poses import places
-from dtwin.simulation.proposal import compensation, controllable, dead_zone, lateness, propose
+from dtwin.simulation.proposal import compensation, controllable, dead_zone, lateness, propose, repeats
 from dtwin.twin.dynamics import forward_dynamics, mass_matrix
 from dtwin.twin.effects import NO_EFFECTS, Effects
 from dtwin.twin.machine import machine_acceleration, vector_of
@@ -103,6 +104,23 @@ def test_what_is_not_told_is_not_compensated() -> None:
     assert dead_zone(record) == pytest.approx(0.1 * 0.99)  # its standard deviation is a hundredth of it
     assert compensation(told(record, False, "delay")) == Compensation()
     assert dead_zone(told(record, False, "dead_zone1")) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("noise", "longest", "expected"),
+    [(0.6, 5, 54), (0.6, 30, 60), (0.6, 200, 0), (0.1, 0, 0)],
+    ids=["noise", "noise with a memory", "noise with a long memory", "an encoder that stands still at rest"],
+)
+def test_noise_tells_how_often_a_reading_can_be_repeated(noise: float, longest: int, expected: int) -> None:
+    """In the middle of a step, noise of 0.6 of it stays there with the probability 0.595: 54 times in a row 7e-13."""
+    step = 1e-3
+    spread = step * math.hypot(noise, 1.0 / math.sqrt(12.0))
+    assert repeats(EncoderCheck(step, spread, spread, 0.0, 0.002, longest)) == expected
+
+
+def test_an_encoder_without_steps_or_from_an_old_record_may_repeat_readings() -> None:
+    assert repeats(EncoderCheck(None, 1e-3, 1e-3, 0.0, 0.002, 0)) == 0
+    assert repeats(EncoderCheck(1e-4, 1e-3, 1e-3, 0.0, 0.002)) == 0
 
 
 def test_the_arm_is_as_late_as_its_delay_and_lags_say() -> None:

@@ -112,6 +112,7 @@ class EncoderCheck(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         noise: standard deviation of the readings about a smooth motion, rad, rounding to steps included.
         spikes: number of single readings that are far off, 1/h.
         least_spike: smallest spike that could have been told from noise and motion, rad.
+        repeats: how often in a row it gave one reading again at most; None in records from before this was counted.
     """
 
     step: Annotated[float, msgspec.Meta(gt=0.0)] | None
@@ -119,6 +120,7 @@ class EncoderCheck(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     noise: NotNegative
     spikes: NotNegative
     least_spike: NotNegative
+    repeats: Annotated[int, msgspec.Meta(ge=0)] | None = None
 
 
 class SensorCheck(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

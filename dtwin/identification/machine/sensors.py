@@ -118,7 +118,14 @@ def _encoder(readings: Array, next_tick: Flags, repeated: Flags, calm: Flags) ->
     moving = smooth & ~still[3:]
     noise = _deviation(third[moving] if moving.any() else third[smooth])
     least = max(_SPIKED * noise, 3.0 * (step or 0.0), _SMALLEST_SPIKE)
-    return EncoderCheck(step, spread, noise, _spikes(readings, next_tick, repeated, calm, least) * _HOUR, least)
+    spikes = _spikes(readings, next_tick, repeated, calm, least) * _HOUR
+    return EncoderCheck(step, spread, noise, spikes, least, _longest(np.diff(readings) == 0.0))
+
+
+def _longest(flags: Flags) -> int:
+    """Largest number of flags, (N,), in a row that are set."""
+    ends = np.flatnonzero(~np.concatenate(([False], flags, [False])))
+    return int(np.diff(ends).max()) - 1
 
 
 def _stretches(readings: Array, next_tick: Flags, step: float) -> tuple[Flags, float | None]:

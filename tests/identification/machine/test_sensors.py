@@ -94,6 +94,12 @@ def test_an_encoder_whose_noise_is_small_beside_its_step_stands_still_at_rest() 
         assert encoder.noise > 1e-3
 
 
+def test_repetitions_of_a_reading_are_counted() -> None:
+    measured = np.random.default_rng(1).standard_normal((FEWEST, 3))
+    measured[100:108, 0], measured[-3:, 1] = 0.1, 0.2
+    assert [encoder.repeats for encoder in check_sensors(log_of(measured)).encoders] == [7, 2, 0]
+
+
 def test_uniform_noise_has_the_standard_deviation_of_uniform_noise() -> None:
     for encoder in check_sensors(read(noise=3e-3, noise_kind="uniform")).encoders:
         assert encoder.noise == pytest.approx(3e-3 / math.sqrt(12.0), rel=0.05)
