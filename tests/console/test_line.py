@@ -317,3 +317,34 @@ def test_while_the_twin_of_the_line_is_dead_or_frozen_the_plant_is_shown(tmp_pat
         served.clock.ahead += 2.5
         assert "silent since" not in told().lost, "the plant is silent, too"
         assert "stale" in {each.key for each in hub.state().conditions}
+
+
+def test_a_console_that_begins_after_the_twin_of_the_line_has_ended_shows_what_the_plant_tells(
+    tmp_path: Path,
+) -> None:
+    known, made = state_now(), FakeLine()
+    made.bus.close()
+    readings = tuple(
+        StationReading(each.name, 1, int(each.name == "a2"), zone=each.zone, worked=4) for each in known.stations
+    )
+    seen = PlantState(640.0, 3, known.set_up, 30, 5, 25, 0, 0, 150.0, readings, known.vehicles, zones=known.zones)
+    with serve_line(tmp_path, line=made) as served, Bus(open_peer(made.meet), "line", "line") as plant:
+        hub, tell = served.console.hub, plant.publisher(PLANT_STATE)
+
+        def shown() -> LineFace | None:
+            tell(seen)
+            face = hub.state().line
+            return face if face is not None and face.state is not None else None
+
+        served.clock.ahead += 2.5
+        face = until(shown, "what the plant tells is shown")
+        assert face.state is not None
+        assert (face.state.name, face.state.left, face.state.version) == ("line", 25, 3)
+        a1, a2 = face.state.stations[:2]
+        assert (a1.zone, a1.doing, a1.ability, a1.worked) == ("a", "works", "not known", 4)
+        assert a2.doing == "stopped"
+        assert face.zone_of("a2") == "a"
+        assert "silent since before this console began" in face.lost
+        assert [(each.key, each.severe) for each in hub.state().conditions] == [("twin", True), ("station a2", True)]
+        assert hub.state().doing == "stopped: a2"
+        assert hub.frame().time == 640.0

@@ -44,6 +44,7 @@ class StationReading(msgspec.Struct, frozen=True):
         settings: what its blocks have in the place of the settings of its cell; None for nothing.
         load: the place to which its arm shall bring the box that it has or is offered, and the mass of that, kg; None
             for none, and where nobody tells boxes apart by their masses.
+        zone: zone that it is in.
     """
 
     name: Word
@@ -59,6 +60,7 @@ class StationReading(msgspec.Struct, frozen=True):
     quality: float = 1.0
     settings: ArmSettings | None = None
     load: tuple[Word, float] | None = None
+    zone: Word = ""
 
 
 class PlantState(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):

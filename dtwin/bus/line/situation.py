@@ -114,4 +114,4 @@ class PlantSituation(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA
     plant: PlantNow
     set_ups: dict[Word, Count]
     done_by: dict[Word, dict[Word, Word]]
-    blocks: dict[str, int | bool | str | list[int] | list[bool]]
+    blocks: dict[str, int | bool | str | list[int | bool]]

@@ -8,6 +8,7 @@ from typing import Final
 from dtwin.bus.line.messages import LineState, StationSeen
 from dtwin.console.alarms.sources import Row
 from dtwin.console.conditions import GOOD
+from dtwin.console.line.plant import UNKNOWN
 from dtwin.console.telling import Condition, Health, Kind
 
 CONSOLE: Final = "console"
@@ -57,7 +58,7 @@ def conditions(
 def _of_station(station: StationSeen) -> Iterator[Condition]:
     if station.doing == "stopped":
         yield Condition(f"station {station.name}", "stop", f"{station.name}: the arm is stopped", True)
-    elif station.ability != "all":
+    elif station.ability not in ("all", UNKNOWN):
         text = f"{station.name} can do {station.ability}: {station.why}"
         yield Condition(f"station {station.name}", "finding", text)
 

@@ -19,7 +19,7 @@ from dtwin.console.line.commands import LINE_COMMANDS, LINE_STALE
 from dtwin.console.line.conditions import conditions
 from dtwin.console.line.desks import ZoneOccupancy
 from dtwin.console.line.faces import LineFace
-from dtwin.console.line.plant import as_plant_tells
+from dtwin.console.line.plant import as_plant_tells, nothing_told
 from dtwin.console.line.stations import StationFace, Stations
 from dtwin.console.telling import CellState, Frame
 from dtwin.errors import CommunicationError
@@ -66,6 +66,7 @@ class LineHub(Hub):
         super().__init__(bus, line, LINE_ARM, clocks)
         self.desk = self.desks = ZoneOccupancy(bus)
         self._read = False
+        self._began = clocks.steady()
         self._state: LineState | None = None
         self._plant: tuple[PlantState, float, float] | None = None
         self._trend: deque[tuple[float, float]] = deque(maxlen=TREND)
@@ -89,7 +90,7 @@ class LineHub(Hub):
 
     def watch(self, names: frozenset[str]) -> None:
         """Listens to the arms of these stations, which pages show, and to no others."""
-        state = self._state
+        state = self._shown()
         known = frozenset(() if state is None else (station.name for station in state.stations))
         self._stations.watch(names & known)
 
@@ -104,19 +105,16 @@ class LineHub(Hub):
 
     def frame(self) -> Frame:
         """When the line was last heard of, its twin or else its plant."""
-        state, age, wall = self._state, self.age, self._heard[1]
+        state, age, wall = self._shown(), self.age, self._heard[1]
+        if (plant := self._plant_alone()) is not None:
+            age, wall = self._clocks.steady() - plant[1], plant[2]
         if state is None or age is None:
             return Frame()
-        time = state.time
-        if (plant := self._plant_alone()) is not None:
-            time, age, wall = plant[0].time, self._clocks.steady() - plant[1], plant[2]
-        return Frame(time, round(max(0.0, age), 3), round(1e3 * wall, 1))
+        return Frame(state.time, round(max(0.0, age), 3), round(1e3 * wall, 1))
 
     def state(self) -> CellState:
         """How the line does."""
-        state, look, plant = self._state, self._last.get(LineLook), self._plant_alone()
-        if state is not None and plant is not None:
-            state = as_plant_tells(state, plant[0])
+        state, look, plant = self._shown(), self._last.get(LineLook), self._plant_alone()
         proposals = () if look is None else look.proposals
         lost = self._lost()
         face = LineFace(
@@ -140,6 +138,13 @@ class LineHub(Hub):
             line=face,
         )
 
+    def _shown(self) -> LineState | None:
+        """How the line does, as its twin tells, or else its plant."""
+        plant = self._plant_alone()
+        if plant is None:
+            return self._state
+        return as_plant_tells(self._state or nothing_told(self._names[0], plant[0]), plant[0])
+
     def _is_there(self) -> bool:
         """Whether the token of the service that answers for the line is there."""
         return any(map(self.is_here, ANSWERING))
@@ -149,11 +154,14 @@ class LineHub(Hub):
         age = self.age
         if age is not None and age <= LINE_STALE:
             return ""
-        if self._state is not None and self._plant_alone() is not None:
+        if self._plant_alone() is not None:
             said = "does not answer" if self._is_there() else "has gone"
+            since, arms = "since before this console began", "is not known"
+            if self._state is not None:
+                since, arms = f"since {self._state.time:.1f} s", "as it was then"
             return (
-                f"the twin of the line {said}, silent since {self._state.time:.1f} s: shown is what the plant tells,"
-                " and what arms can do as it was then"
+                f"the twin of the line {said}, silent {since}: shown is what the plant tells,"
+                f" and what arms can do {arms}"
             )
         since = "" if age is None else f" for {age:.0f} s"
         if not self._is_there():
@@ -164,8 +172,9 @@ class LineHub(Hub):
 
     def _plant_alone(self) -> tuple[PlantState, float, float] | None:
         """What the plant tells, and when it was heard, while it is and the twin of the line is not; else None."""
-        age, plant = self.age, self._plant
-        if age is None or age <= LINE_STALE or plant is None or self._clocks.steady() - plant[1] > LINE_STALE:
+        now, plant = self._clocks.steady(), self._plant
+        silent = now - (self._began if self._state is None else self._heard[0])
+        if silent <= LINE_STALE or plant is None or now - plant[1] > LINE_STALE:
             return None
         return plant
 
@@ -236,4 +245,4 @@ def _doing(state: LineState | None) -> str:
     return f"{state.left} boxes left, {state.inside} inside{rate}; the twins {_MODES.get(state.twins, state.twins)}"
 
 
-_MODES: Final = {"act": "act", "propose": "propose", "off": "are off"}
+_MODES: Final = {"act": "act", "propose": "propose", "off": "are off", "silent": "are silent"}

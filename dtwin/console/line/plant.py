@@ -2,10 +2,21 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import msgspec
 
 from dtwin.bus.line.messages import LineState, StationSeen
 from dtwin.bus.line.plant import PlantState, StationReading
+
+UNKNOWN: Final = "not known"
+"""What an arm can do as long as its twin has told nothing of it."""
+
+
+def nothing_told(name: str, plant: PlantState) -> LineState:
+    """What is known of a line, by its name, of which only the plant was ever heard."""
+    stations = tuple(StationSeen(each.name, each.zone, "", UNKNOWN, "", ()) for each in plant.stations)
+    return LineState(name, 0.0, "silent", 0, {}, 0.0, 0, 0, 0, 0, 0, 0.0, stations, ())
 
 
 def as_plant_tells(known: LineState, plant: PlantState) -> LineState:

@@ -207,6 +207,7 @@ def _readings(
             _quality(name, recent),
             floor.emulated[name].settings,
             floor.plant.load(name),
+            floor.line.zones[floor.line.zone_of(name)].name,
         )
 
 

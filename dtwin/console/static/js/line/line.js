@@ -56,7 +56,7 @@ export function makeLine() {
     rebuild(counts, [line.rate, line.left, line.inside, line.entered, line.lost, line.collisions, line.late, expected?.rate_now, line.every], () => figures([
       ["Boxes/h, 10 minutes", line.rate ? el("strong", { class: "big" }, number(line.rate, 1)) : "not yet"],
       ["Twins expect", !expected ? "–" : expected.rate_now ? number(expected.rate_now, 1) : el("span", { class: "tag warn" }, "△ 0: a station cannot")],
-      ["Source brings", number(HOUR / line.every, 1)],
+      ["Source brings", line.every ? number(HOUR / line.every, 1) : "not known"],
       ["Entered, inside, left", `${line.entered}, ${line.inside}, ${line.left}`],
       ["Lost, touches, late", `${line.lost}, ${line.collisions}, ${line.late}`],
     ]));
@@ -80,7 +80,7 @@ export function makeLine() {
     drawTrend(trend, trends, {
       title: "Boxes/h, mean of 10 minutes", unit: "last hour", span: Math.max(600, Math.min(HOUR, trends.last - from)),
       lines: [{ of: (value) => value("rate") || NaN }], levels: line.expected?.rate_now ? [{ value: line.expected.rate_now, name: "twins expect" }] : [],
-      range: [0, 1.2 * Math.max(HOUR / line.state.every, ...rows.map(([, rate]) => rate))],
+      range: [0, 1.2 * Math.max(1, HOUR / (line.state.every || Infinity), ...rows.map(([, rate]) => rate))],
     });
   }
   return { node, state, draw };
@@ -99,7 +99,7 @@ function ends(title) {
   const source = title === "Source";
   return { node: part((node, line) => rebuild(node, [line.outside, line.left, line.every], () => [
     el("h3", {}, title),
-    el("span", { class: "value" }, source ? `every ${number(line.every, 0)} s` : `${line.left} left`),
+    el("span", { class: "value" }, source ? (line.every ? `every ${number(line.every, 0)} s` : "not known") : `${line.left} left`),
     source ? el("span", { class: line.outside > 2 ? "tag warn" : "quiet" }, `${line.outside > 2 ? "△ " : ""}${line.outside} wait`) : null,
   ].filter(Boolean))) };
 }
@@ -141,7 +141,7 @@ function zoneBlock(name) {
     if (!drawing || !line?.state) return;
     const expected = expectedOf(name)?.rate_now ?? 0;
     const zone = line.state.zones.find((each) => each.name === name);
-    const source = HOUR / line.state.every;
+    const source = HOUR / (line.state.every || Infinity);
     const due = Math.min(source, expected || source);
     drawBar(drawing.context, drawing.colours, { x: 1, y: 5, width: drawing.width - 2, height: drawing.height - 10 },
       { value: zone?.rate ?? 0, full: 1.25 * Math.max(source, expected), mark: due, bad: Boolean(zone?.rate) && zone.rate < SLOW * due });
