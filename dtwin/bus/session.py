@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import logging
 import threading
@@ -127,8 +128,13 @@ class Bus:
         self.close()
 
     def close(self) -> None:
-        """Closes the session; its liveliness tokens and subscriptions end with it."""
-        self._session.close()
+        """Closes the session; its liveliness tokens and subscriptions end with it.
+
+        A peer that is frozen, or a network that has gone, may keep it from saying goodbye in time: others see then by
+        its lease that it has ended.
+        """
+        with contextlib.suppress(zenoh.ZError):
+            self._session.close()
 
     def beside(self, arm: str) -> Bus:
         """The topics of another arm of the same cell or line on the same session, which this bus closes.

@@ -313,13 +313,13 @@ class TimedStation:
         self._stop = 0
 
     def resume(self, now: StationNow, time: float, stopped: bool) -> None:
-        """Goes on as a station does at a plant time (s), or stands as one whose arm is stopped."""
+        """Goes on as a station does at a plant time (s), or stands as one whose arm is stopped or can do nothing."""
         carry, back = self._times.carry, self._times.back
-        self._time, self._arm, self._place, self._stop = time, now.arm, now.place, int(stopped)
+        self._time, self._arm, self._place, self._stop = time, now.arm, now.place, int(stopped or not carry)
         if now.last:
-            self._ready = now.ended + back.get(now.last, max(back.values()))
+            self._ready = now.ended + back.get(now.last, max(back.values(), default=0.0))
         self._picks = now.began if now.arm == HOLDING else max(now.began, self._ready) + self._times.grip
-        self._delivers = self._picks + carry.get(now.place, max(carry.values()))
+        self._delivers = self._picks + carry.get(now.place, max(carry.values(), default=0.0))
 
     def give(self, kind: str, mass: float = 0.0, text: str = "") -> None:
         if kind == "bring":

@@ -50,13 +50,18 @@ def kind(info: Any) -> str:
     if isinstance(info, msgspec.inspect.TupleType):
         kinds = [kind(item) for item in info.item_types]
         return f"{len(kinds)} x {kinds[0]}" if len(set(kinds)) == 1 else f"({', '.join(kinds)})"
-    if isinstance(info, msgspec.inspect.VarTupleType):
-        return f"list of {kind(info.item_type)}"
+    if isinstance(info, msgspec.inspect.VarTupleType | msgspec.inspect.ListType):
+        return f"list of {inner(info.item_type)}"
     if isinstance(info, msgspec.inspect.DictType):
-        return f"object of {kind(info.value_type)}"
+        return f"object of {inner(info.value_type)}"
     if isinstance(info, msgspec.inspect.UnionType):
         return " or ".join(kind(member) for member in info.types)
     return info.cls.__name__
+
+
+def inner(info: Any) -> str:
+    """A type within another one as the page writes it."""
+    return f"({kind(info)})" if isinstance(info, msgspec.inspect.UnionType) else kind(info)
 
 
 def name_of(message: type) -> str:
