@@ -19,6 +19,8 @@ from dtwin.simulation.chain.whatif import ArmChange, loops_of
 
 SPAN: Final = 8.0
 """Time that the twin works, and for which the arm is measured, s."""
+PATIENCE: Final = 3.0
+"""Longest wait for the first sample of a cell that has just begun, s."""
 _KEPT: Final = 2
 """Settings of which the twin is kept: those in force, and those asked about last."""
 
@@ -35,7 +37,7 @@ class Predicting:
         self._errors: deque[tuple[float, ...]] = deque(maxlen=round(SPAN / settings.arm.period))
         self._where: tuple[float, ...] | None = None
         self._last = -1
-        self._known = threading.Event()
+        self._begun, self._known = threading.Event(), threading.Event()
         self._lock = threading.Lock()
         self._in_force: tuple[ArmSettings, JointOutcome] | None = None
         self._simulator = lru_cache(_KEPT)(self._prepared)
@@ -47,6 +49,7 @@ class Predicting:
             if len(sample.theta) != len(self._settings.arm) or sample.sequence <= self._last:
                 self._errors.clear()
             self._last, self._where = sample.sequence, sample.theta
+            self._begun.set()
             if acted.sequence == sample.sequence and len(acted.target) == len(sample.theta):
                 self._errors.append(tuple(a - b for a, b in zip(acted.target, sample.theta, strict=True)))
         if len(self._errors) == self._errors.maxlen:
@@ -65,7 +68,7 @@ class Predicting:
         return tuple(map(float, np.abs(errors).max(axis=0))) if len(errors) == self._errors.maxlen else None
 
     def answer(self, question: JointQuestion, version: int, in_force: ArmSettings) -> JointPredicted:
-        """What the twin expects of settings, beside those in force and what was measured.
+        """What the twin expects of settings, beside those in force and what was measured; waits for a first sample.
 
         Args:
             question: the settings.
@@ -73,8 +76,9 @@ class Predicting:
             in_force: the settings in force.
 
         Raises:
-            ParameterError: a value is out of range. CommunicationError: no sample has come yet.
+            ParameterError: a value is out of range. CommunicationError: no sample comes.
         """
+        self._begun.wait(PATIENCE)
         where = self._where
         if where is None:
             raise CommunicationError("no sample of the arm has come yet")
