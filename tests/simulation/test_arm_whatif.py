@@ -155,7 +155,8 @@ def test_what_is_out_of_range_is_refused(change: dict[str, float], said: str) ->
         ArmSimulator(given, ArmModel.of(given.arm)).run(given.poses.positions[0], ArmChange(**change), 1.0)
 
 
-def test_predictions_stand_beside_what_was_measured() -> None:
+def test_predictions_stand_beside_what_was_measured(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("dtwin.simulation.chain.predicting.PATIENCE", 0.0)
     given = settings()
     predicting, model = Predicting(given), ArmModel.of(given.arm)
     with pytest.raises(CommunicationError, match="no sample"):
