@@ -8,6 +8,9 @@ import { store } from "../store.js";
 export const told = () => store.state?.line?.state ?? null;
 export const plan = () => store.state?.line?.plan ?? null;
 
+/** Whether nothing was heard of the twin of the line since the console began: what it keeps is not known. */
+export const twinUnheard = () => told()?.twins === "silent";
+
 /** Why the desks of some zones are not those of this session, "" when they are. */
 export function deskReason(zones) {
   const desks = store.state?.line?.desks ?? [];

@@ -3,11 +3,11 @@ import { begin } from "../canvas.js";
 import { el, figures, number, panel, rebuild, table } from "../dom.js";
 import { drawTrend } from "../trend.js";
 import { store } from "../store.js";
-import { ability, decisionRows, doing, drawBar, expectedOf, makeDesk, oee, operationsOf, percent, plan, several, told } from "./about.js";
+import { ability, decisionRows, doing, drawBar, expectedOf, makeDesk, oee, operationsOf, percent, plan, several, told, twinUnheard } from "./about.js";
 import { makeProposals } from "./proposals.js";
 
 const HOUR = 3600;
-const MODES = { act: "act", propose: "propose", off: "are off" };
+const MODES = { act: "act", propose: "propose", off: "are off", silent: "are silent" };
 // Below this share of what the twins expect, a rate is drawn as abnormal.
 const SLOW = 0.85;
 
@@ -67,7 +67,7 @@ export function makeLine() {
       store.state.line.lost ? el("span", { class: "tag severe" }, `▲ ${store.state.line.lost}`) : null,
       expected?.difference.length ? `. Best there is: ${number(expected.rate, 1)} boxes/h, ${expected.difference.join("; ")}` : null,
     ].filter((each) => each != null).map((each) => (each.nodeType ? each : document.createTextNode(each))));
-    rebuild(decisions, line.decisions, () => table("Plant time, newest first", ["s", "Who", "What", "Why"], decisionRows(line.decisions), { numeric: [0], empty: "Nothing was decided yet." }));
+    rebuild(decisions, [line.decisions, twinUnheard()], () => table("Plant time, newest first", ["s", "Who", "What", "Why"], decisionRows(line.decisions), { numeric: [0], empty: twinUnheard() ? "What was decided is not known." : "Nothing was decided yet." }));
   }
 
   function draw() {
@@ -110,9 +110,9 @@ function buffer(index) {
     const behind = line.zones[index]?.behind ?? 0;
     rebuild(node, [behind, capacity], () => [
       el("h3", {}, "Buffer"),
-      el("span", { class: "slots", role: "img", "aria-label": `${behind} of ${capacity} boxes` },
+      el("span", { class: "slots", role: "img", "aria-label": capacity ? `${behind} of ${capacity} boxes` : several(behind, "box", "boxes") },
         ...Array.from({ length: Math.min(capacity, 12) }, (_, k) => el("span", { class: `slot${k < behind ? " full" : ""}` }))),
-      el("span", { class: "value" }, `${behind} of ${capacity}`),
+      el("span", { class: "value" }, capacity ? `${behind} of ${capacity}` : `${behind}`),
     ]);
   }) };
 }

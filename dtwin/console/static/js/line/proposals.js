@@ -2,7 +2,7 @@
 import { blocked, commandButton } from "../command.js";
 import { el, number, rebuild, table } from "../dom.js";
 import { store } from "../store.js";
-import { deskReason, zonesOf } from "./about.js";
+import { deskReason, twinUnheard, zonesOf } from "./about.js";
 
 const SHOWN = 5;
 
@@ -14,9 +14,9 @@ export function makeProposals() {
     const proposals = [...(store.state?.proposals ?? [])].reverse();
     // What waits for a person comes first.
     const shown = [...proposals.filter((each) => each.state === "open"), ...proposals.filter((each) => each.state !== "open")].slice(0, SHOWN);
-    rebuild(node, shown, () => {
+    rebuild(node, [shown, twinUnheard()], () => {
       buttons = [];
-      return shown.length ? shown.map(one) : el("p", { class: "why-not" }, "Neither the twins nor an AI have proposed anything.");
+      return shown.length ? shown.map(one) : el("p", { class: "why-not" }, twinUnheard() ? "What was proposed is not known." : "Neither the twins nor an AI have proposed anything.");
     });
     buttons.forEach((button) => button.refresh());
   }

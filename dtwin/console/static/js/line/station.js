@@ -4,7 +4,7 @@ import { el, figures, number, panel, rebuild, setText, table } from "../dom.js";
 import { drawIndicators } from "../indicator.js";
 import { store } from "../store.js";
 import { drawTrend } from "../trend.js";
-import { ability, box, decisionRows, doing, makeDesk, oee, operationsOf, percent, plan, stationButtons, told } from "./about.js";
+import { ability, box, decisionRows, doing, makeDesk, oee, operationsOf, percent, plan, stationButtons, told, twinUnheard } from "./about.js";
 
 const JOINTS = [1, 2, 3];
 const UNITS = ["rad", "mrad off", "V"];
@@ -59,7 +59,7 @@ export function makeStation(name) {
       ["Why", station.why],
       ...(station.target_time ? [["Other settings", `a model of what it is, ${number(station.target_time, 1)} s for a motion`]] : []),
       ["Does", operationsOf(name).join(", ") || "nothing"],
-      ["Could do, too", others.join(", ") || "nothing"],
+      ["Could do, too", twinUnheard() ? "not known" : others.join(", ") || "nothing"],
       ["Waits, work, done", `${box(station.waiting)}, ${box(station.worked)}, ${box(station.finished)}`],
       ["OEE, 10 minutes", percent(oee(station))],
       ["Availability", percent(station.availability)],
