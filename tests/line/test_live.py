@@ -31,10 +31,13 @@ from dtwin.line.live.zone import OVERALL, LiveZone
 from dtwin.line.records.keeper import Keeper
 from dtwin.line.records.kept import COURSE, prepare, read
 from dtwin.line.records.tables import ask
-from dtwin.line.station import WorkTimes
+from dtwin.line.station import WorkTimes, believed_settings
 from dtwin.line.twins import node, zone
 from dtwin.line.twins.decisions import Decision, Mode
 from dtwin.line_file import LineFile
+from dtwin.monitoring.estimation.belief import assumed
+from dtwin.monitoring.readiness.rehearsal import Rehearsal
+from dtwin.monitoring.settings import MonitorSettings
 from dtwin.parameters import ROOT, ArmParameters
 from dtwin.signals import Sensors
 from dtwin.simulation.proposals.book import Book
@@ -52,7 +55,18 @@ def flow(line: Line, times: object) -> float:
 
 
 @pytest.fixture(scope="module", autouse=True)
-def _quick() -> Iterator[None]:
+def _made() -> None:
+    """Machine code that is made only once would stop all parts here, which share a process, for longer than they wait
+    for one another."""
+    line = line_of("default")
+    Floor(line).step()
+    believed = believed_settings(line.stations[0])
+    for _, part in Rehearsal(assumed(believed.arm, (1e-3,) * 3), MonitorSettings()).parts():
+        part()
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _quick(_made: None) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(zone, "simulated", flow)
         patch.setattr(node, "rehearsed", lambda plan: WorkTimes(0.5, TIMES, TIMES))
