@@ -39,7 +39,6 @@ class Predicting:
         self._last = -1
         self._begun, self._known = threading.Event(), threading.Event()
         self._lock = threading.Lock()
-        self._in_force: tuple[ArmSettings, JointOutcome] | None = None
         self._simulator = lru_cache(_KEPT)(self._prepared)
 
     def receive(self, passed: JointTicks) -> None:
@@ -84,10 +83,8 @@ class Predicting:
             raise CommunicationError("no sample of the arm has come yet")
         change = ArmChange(question.pole, question.observer, question.speed, question.payload)
         with self._lock:
-            if self._in_force is None or self._in_force[0] != in_force:
-                self._in_force = in_force, self._outcome(in_force, where, ArmChange())
-            now = self._in_force[1]
-            proposed = now
+            # Both from one pose: how far an arm is off its path at first depends on where it begins.
+            proposed = now = self._outcome(in_force, where, ArmChange())
             if change != ArmChange() or question.model is not None:
                 wished = replace(in_force, model=question.model or in_force.model)
                 proposed = self._outcome(wished, where, change)
