@@ -62,6 +62,7 @@ class OneResource:
         self._servers = {name: self._resource.server(name) for name in servers(line)}
         self._resource.start()
         self._begun = self._resource.snapshot()
+        self._at_first: dict[str, Any] = {}
 
     def exchange(self, block: str, values: Sequence[Any]) -> tuple[Any, ...]:
         return self._servers[block].exchange(values)
@@ -76,11 +77,12 @@ class OneResource:
         """Variables and charts that are otherwise than at the beginning; None where these are not machine code."""
         if not isinstance(self._resource, NativeResource):
             return None
-        now, values = self.now(), _values(self._resource)
-        self.resume(self._begun)
-        begun = _values(self._resource)
-        self.resume(now)
-        return {name: value for name, value in values.items() if value != begun[name]}
+        if not self._at_first:
+            now = self.now()
+            self.resume(self._begun)
+            self._at_first = _values(self._resource)
+            self.resume(now)
+        return {name: value for name, value in _values(self._resource).items() if value != self._at_first[name]}
 
     def recall(self, memory: Mapping[str, Any]) -> Any:
         """The state of blocks that have such a memory. Raises FunctionBlockError: there are no such blocks."""

@@ -15,6 +15,7 @@ from dtwin.parameters import ArmParameters
 from dtwin.signals import SCHEMA, Count, Line, Seconds, Word
 
 Passing = Annotated[tuple[tuple[Seconds, Count], ...], msgspec.Meta(max_length=1000)]
+"""Boxes that pass from a zone to the next: when, s from a moment on, and the number of their class of mass."""
 Operations = Annotated[tuple[Name, ...], msgspec.Meta(max_length=8)]
 
 

@@ -12,7 +12,8 @@ import msgspec
 
 from dtwin.signals import SCHEMA, Count, Seconds, Word
 
-Metres = Annotated[float, msgspec.Meta(ge=0.0, le=1e4)]
+Amount = Annotated[float, msgspec.Meta(ge=0.0, le=1e4)]
+"""A length, a speed or a share."""
 
 
 class BoxNow(msgspec.Struct, frozen=True):
@@ -69,9 +70,9 @@ class VehicleNow(msgspec.Struct, frozen=True):
 
     name: Word
     path: Annotated[tuple[Word, ...], msgspec.Meta(min_length=1)]
-    gone: Metres
-    speed: Metres
-    battery: Metres
+    gone: Amount
+    speed: Amount
+    battery: Amount
     box: Count
     action: Count
     slot: Count

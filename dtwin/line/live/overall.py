@@ -10,7 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Final
 
 from dtwin.bus.line.messages import LineDecision, LineState
-from dtwin.bus.line.plant import FlowAnswer, FlowQuestion, PlantSetUp, PlantState, PlantWord, ZoneState
+from dtwin.bus.line.plant import FlowAnswer, FlowQuestion, Passing, PlantSetUp, PlantState, PlantWord, ZoneState
 from dtwin.bus.line.topics import PLANT_SET_UP, PLANT_STATE, PLANT_WORD, ZONE_FLOW, ZONE_STATE
 from dtwin.bus.session import Bus
 from dtwin.bus.topics.topic import CHECKED
@@ -20,7 +20,6 @@ from dtwin.line.live.between import Between
 from dtwin.line.live.seen import line_state
 from dtwin.line.live.serving import Answers
 from dtwin.line.twins.decisions import Absence, Decision, Mode
-from dtwin.line.twins.forward import Passing
 from dtwin.line.twins.node import Capability
 from dtwin.line.twins.overall import Choice
 from dtwin.line.twins.reorganisation import Doors, Reorganisation

@@ -8,6 +8,7 @@ from __future__ import annotations
 import logging
 from collections import deque
 from collections.abc import Callable
+from threading import Lock
 from typing import Any, Final
 
 from dtwin.bus.line.messages import TOLD
@@ -77,6 +78,7 @@ class LiveZone:
         self._twin = ZoneTwin(line, number, nodes, self._situation)
         self._blocks: OneResource | None = None
         self._known: Situation | None = None
+        self._recalling = Lock()
         self._guard = Guard(nodes, mode, Hands(self._stop, self._settle, self._needed, self._works, self._note))
         self._decisions: deque[Decision] = deque(maxlen=TOLD)
         self._plant: PlantState | None = None
@@ -203,7 +205,14 @@ class LiveZone:
             log.error("%s: %s is not heard: %s", word.station, word.word, error)
 
     def _situation(self) -> Situation | None:
-        """What the plant tells that the line is, of a second ago at most; None where it cannot tell."""
+        """What the plant tells that the line is, of a second ago at most; None where it cannot tell.
+
+        Several questions may be answered at once, each on a thread of its own.
+        """
+        with self._recalling:
+            return self._recalled()
+
+    def _recalled(self) -> Situation | None:
         if self._known is not None and 0.0 <= self.time - self._known.plant.time < _LOOK:
             return self._known
         try:

@@ -10,14 +10,12 @@ from collections import deque
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
+from dtwin.bus.line.plant import Passing
 from dtwin.line.control import Control, Devices, Exchange, OneResource
 from dtwin.line.line import CYCLE, Assignment, Line
 from dtwin.line.plant import Plant
 from dtwin.line.situation import Situation
 from dtwin.line.station import Station, TimedStation, WorkTimes
-
-Passing = tuple[tuple[float, int], ...]
-"""Boxes that pass the end of a zone: when, s from now on, and the number of their class of mass."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
+from dtwin.bus.line.plant import Passing
 from dtwin.line.line import Assignment, Line
 from dtwin.line.station import WorkTimes
-from dtwin.line.twins.forward import Passing
 from dtwin.line.twins.node import Capability
 from dtwin.line.twins.zone import HORIZON, Flow, simulated
 

@@ -12,12 +12,13 @@ from dataclasses import dataclass, replace
 from threading import Lock
 from typing import Final
 
+from dtwin.bus.line.plant import Passing
 from dtwin.line.control import Control, OneResource
 from dtwin.line.line import CYCLE, Assignment, Job, Line
 from dtwin.line.plant import Plant
 from dtwin.line.situation import Situation
 from dtwin.line.station import Station, TimedStation, WorkTimes
-from dtwin.line.twins.forward import Change, Forward, Passing
+from dtwin.line.twins.forward import Change, Forward
 from dtwin.line.twins.node import Capability, Node
 
 WARM_UP: Final = 150.0
