@@ -191,10 +191,12 @@ def parse_urdf(path: Path) -> Any:
 def _parsed(path: Path) -> Any:
     """The elements of an XML file; a prefix that is declared nowhere is left in place, as readers of URDF do."""
     options: dict[str, Any] = {"resolve_entities": False, "no_network": True, "load_dtd": False}
+    parser = etree.XMLParser(**options)
     try:
-        return etree.parse(path, etree.XMLParser(**options))
-    except etree.XMLSyntaxError as error:
-        if any(entry.domain_name != "NAMESPACE" for entry in error.error_log):
+        return etree.parse(path, parser)
+    except etree.XMLSyntaxError:
+        # The log of the error would also hold the errors of files that were read before.
+        if any(entry.domain_name != "NAMESPACE" for entry in parser.error_log):
             raise
         return etree.parse(path, etree.XMLParser(recover=True, **options))
 

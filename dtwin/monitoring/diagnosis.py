@@ -97,6 +97,7 @@ class Diagnosis:
         locked: bool,
         stopped: Sequence[StandsStill] = (),
         resting: Sequence[StandsStill] = (),
+        *,
         temper: float = 1.0,
         misfit: float = 2.0,
         charges: Mapping[str, float] | None = None,

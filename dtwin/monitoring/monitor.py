@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,7 +59,8 @@ class Monitor:
     def __init__(self, belief: Belief, settings: MonitorSettings | None = None) -> None:
         self.settings = settings or MonitorSettings()
         self._sizes = plausible_sizes(belief.arm)
-        self.threshold, self._warning, allowance, self._temper, self._charges = limits(self.settings, belief)
+        self.threshold, self._warning, allowance, temper, charges = limits(self.settings, belief)
+        self._diagnosis = partial(Diagnosis, temper=temper, misfit=belief.misfit, charges=charges)
         self._belief, self.estimator = belief, Estimator(belief, self.settings.tuning)
         self._readings, self._stopped, self.trend = Readings(belief.noise), Stopped(), Trend(self.estimator)
         self._listening: Listening | None = Listening()
@@ -329,9 +331,8 @@ class Monitor:
         suspicions = self._bank.suspicions(self.threshold if stopped else 0.0)
         self._stopped.ask(stopped)
         still, resting = self._still(stopped), self._still(repeating(self._readings))
-        locked, misfit = bool(self.estimator.locked), self._belief.misfit
-        how = (self._sizes, locked, still, resting, self._temper, misfit, self._charges)
-        self._decide(Diagnosing(Diagnosis(suspicions, self._track.moments, self.sample, *how)))
+        seen = (suspicions, self._track.moments, self.sample, self._sizes)
+        self._decide(Diagnosing(self._diagnosis(*seen, bool(self.estimator.locked), still, resting)))
 
     def _still(self, joints: list[int]) -> list[StandsStill]:
         return stands_still(joints, self._readings, self.sample, self._bank)

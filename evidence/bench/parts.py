@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -111,6 +111,11 @@ def benchmark(rounds: int = 5, between: Callable[[str], None] = lambda name: Non
         for name, part in parts.items():
             between(name)
             seconds[name].append(part())
+    return _figures(seconds, ticks)
+
+
+def _figures(seconds: Mapping[str, Sequence[float]], ticks: int) -> dict[str, dict[str, float]]:
+    """What `benchmark` returns, from what each round of each part took, s; runs were of so many ticks."""
     middle = {name: median(values) for name, values in seconds.items()}
     raw = seconds["raw_mj_step"]
     loops = ("raw_mj_step", "raw_plant_step", "closed_loop", "closed_loop_log", "closed_loop_recording")
@@ -125,7 +130,7 @@ def benchmark(rounds: int = 5, between: Callable[[str], None] = lambda name: Non
     result["twin_rollout"] = {"steps_per_second": ROLLOUT_SAMPLES * SUBSTEPS / middle["twin_rollout"]}
     python = seconds["controller_tick"]
     for name in ("controller_tick", "controller_tick_native", "controller_tick_inside"):
-        if name in parts:
+        if name in seconds:
             result[name] = {
                 "microseconds": 1e6 * middle[name] / ticks,
                 "relative_to_python": median(a / b for a, b in zip(python, seconds[name], strict=True)),

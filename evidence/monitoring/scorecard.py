@@ -199,6 +199,7 @@ def faults_experiment(
     hours: float = 2.0,
     faults: Sequence[str] = FAULTS,
     noises: Sequence[float] = NOISES,
+    *,
     seed: int = 0,
     settings: MonitorSettings | None = None,
     machine: Machine = IDEAL,

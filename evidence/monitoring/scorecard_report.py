@@ -143,11 +143,11 @@ class ExperimentFaults(SeriesCommand[Scorecard], OnMachine):
             self.hours,
             faults,
             NOISES,
-            self.seed,
-            settings,
-            machine_of(self.machine),
-            self.workforce(),
-            progress,
+            seed=self.seed,
+            settings=settings,
+            machine=machine_of(self.machine),
+            workforce=self.workforce(),
+            progress=progress,
         )
 
     def report(self, result: Scorecard) -> Report:

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from dtwin.campaign.spread import Progress
 from dtwin.controller.excitation import ExcitationController
@@ -60,7 +61,7 @@ def _fitted(found: Estimate, made: EstimationSettings, measured: np.ndarray, tru
     }
 
 
-def _tell(numbers: Mapping[str, Any]) -> Chapter:
+def _lines(numbers: Mapping[str, Any]) -> list[Line]:
     def fits(figure: str) -> str:
         return ", ".join(
             f"{way}: {min(numbers[figure][key]['fit']):.4f}" for key, way in (("thesis", "18"), ("ours", "12"))
@@ -73,7 +74,7 @@ def _tell(numbers: Mapping[str, Any]) -> Chapter:
 
     deviation = 0.010 / math.sqrt(12) * float(np.linalg.norm(DIFFERENCE)) / PERIOD
     off = ", ".join(f"{speed:+.2f}" for speed in numbers["5.8"]["speeds"])
-    lines = [
+    return [
         Line("5.6", "smallest fit without noise", "nearly perfect", fits("5.6")),
         Line(
             "5.6",
@@ -100,6 +101,10 @@ def _tell(numbers: Mapping[str, Any]) -> Chapter:
         ),
         Line("5.15", "smallest fit at 0.001 rad", "very good", fits("5.15")),
     ]
+
+
+def _curves(numbers: Mapping[str, Any]) -> Figure:
+    """Angles read and those of the model of 18 parameters, one row an experiment."""
     figure = new_figure(13, 12)
     grid = figure.subplots(len(_CASES), 3, sharex=True)
     for row, (name, (words, _, _)) in zip(grid, _CASES.items(), strict=True):
@@ -113,31 +118,40 @@ def _tell(numbers: Mapping[str, Any]) -> Chapter:
         grid[0, joint].set_title(f"link {joint + 1}", fontsize=10)
         grid[-1, joint].set_xlabel("time, s")
     legend(grid[0, -1])
-    bars = new_figure(13, 5)
-    for axis, name in zip(bars.subplots(1, 2, sharey=True), ("5.6", "5.9"), strict=True):
+    return figure
+
+
+def _errors(numbers: Mapping[str, Any]) -> Figure:
+    """Errors of the 18 parameters without noise and with it."""
+    figure = new_figure(13, 5)
+    for axis, name in zip(figure.subplots(1, 2, sharey=True), ("5.6", "5.9"), strict=True):
         errors = numbers[name]["thesis"]["error"]
         axis.bar(range(len(errors)), [100 * value for value in errors.values()], color=COLOURS[0])
         axis.set_xticks(range(len(errors)), list(errors), fontsize=8)
         axis.set_title(f"{name}: {_CASES[name][0]}", fontsize=10)
         axis.grid(alpha=0.3, axis="y")
-    bars.axes[0].set_yscale("log")
-    bars.axes[0].set_ylabel("error, %")
+    figure.axes[0].set_yscale("log")
+    figure.axes[0].set_ylabel("error, %")
+    return figure
+
+
+def _tell(numbers: Mapping[str, Any]) -> Chapter:
     return Chapter(
         "Single experiments of 350 samples, fitted with the thesis's 18 parameters, and with 12 parameters and "
         "offsets.",
-        lines,
+        _lines(numbers),
         "All fits start from an arm known to be at rest and keep all 350 samples. The thesis kept 346, and starts "
         "from the difference of the first seven, which multiplies their noise, as Figure 5.8 shows.",
         "A fit near 1 says nothing of single parameters, which the thesis found too; which combinations the data "
         "determine is told by `dtwin identify`.",
         [
             Picture(
-                figure,
+                _curves(numbers),
                 "Angles that the encoders read (grey) and the response of the identified model of 18 parameters "
                 "(coloured) over time, for the experiments of the thesis's Figures 5.6 to 5.9 and 5.15.",
             ),
             Picture(
-                bars,
+                _errors(numbers),
                 "Absolute error of each of the 18 parameters of the models without noise and with 0.010 u rad of "
                 "it (the thesis's Figures 5.6 and 5.9).",
             ),

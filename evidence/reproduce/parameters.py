@@ -11,6 +11,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from dtwin.campaign.spread import Progress
 from dtwin.identification.estimation.estimate import EstimationSettings
@@ -263,12 +264,8 @@ def _tell_mass(numbers: Mapping[str, Any]) -> Chapter:
     )
 
 
-def _tell_friction(numbers: Mapping[str, Any]) -> Chapter:
-    alone, both, ours, rubbing = (
-        numbers[name] for name in ("thesis coulomb", "thesis both", "ours both", "ours rubbing")
-    )
-    found = ", ".join(f"{rubbing['value'][name]:.4f}" for name in COULOMB)
-    lines = [
+def _friction_lines(alone: Mapping[str, Any], both: Mapping[str, Any], ours: Mapping[str, Any]) -> list[Line]:
+    return [
         Line(
             "text",
             "Coulomb friction alone",
@@ -301,6 +298,10 @@ def _tell_friction(numbers: Mapping[str, Any]) -> Chapter:
             f"{ours['runs'] - ours['zero']} of {ours['runs']} with 12",
         ),
     ]
+
+
+def _friction_picture(both: Mapping[str, Any], ours: Mapping[str, Any]) -> Figure:
+    """Errors of the parameters with both friction laws, and the Coulomb friction found where there is none."""
     figure = new_figure(12, 4)
     errors, friction = figure.subplots(1, 2, gridspec_kw={"width_ratios": (3, 1)})
     for k, (words, group) in enumerate((("18 + 3 parameters", both), ("12 + 3 parameters", ours))):
@@ -322,16 +323,24 @@ def _tell_friction(numbers: Mapping[str, Any]) -> Chapter:
     legend(errors)
     friction.set_xticks(range(3), list(COULOMB))
     friction.set_ylabel("Coulomb friction found, mN m")
+    return figure
+
+
+def _tell_friction(numbers: Mapping[str, Any]) -> Chapter:
+    alone, both, ours, rubbing = (
+        numbers[name] for name in ("thesis coulomb", "thesis both", "ours both", "ours rubbing")
+    )
+    found = ", ".join(f"{rubbing['value'][name]:.4f}" for name in COULOMB)
     return Chapter(
         "The arm has viscous friction alone. Coulomb friction is fitted in its place, and beside it, from 0.01 N m.",
-        lines,
+        _friction_lines(alone, both, ours),
         "Coulomb friction alone can be integrated here, as it changes sign smoothly over 0.1 rad/s; what it cannot "
         "explain shows in the residuals. Friction is bounded below by 0.",
         f"An arm that does rub, with 0.010, 0.008 and 0.006 N m: found {found} N m. Which law is right is decided "
         "by a criterion in `dtwin experiment friction`.",
         [
             Picture(
-                figure,
+                _friction_picture(both, ours),
                 "Both friction laws fitted to an arm with viscous friction alone (the thesis's Figure 5.5): left "
                 "the mean absolute error of every parameter, right the Coulomb friction found, with its "
                 "root-mean-square error.",

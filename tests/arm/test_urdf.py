@@ -87,6 +87,14 @@ def test_a_prefix_that_is_declared_nowhere_is_no_reason_to_refuse_a_robot(tmp_pa
     assert len(read_urdf(file)) == 1
 
 
+def test_a_file_that_was_refused_is_no_reason_to_refuse_the_next_one(tmp_path: Path) -> None:
+    (tmp_path / "torn.urdf").write_text("<robot><link></robot>")
+    with pytest.raises(ModelError, match="expected XML"):
+        read_urdf(tmp_path / "torn.urdf")
+    file = robot(tmp_path, joint("one", "a", "b"), "<sensor:camera name='c'/>", links="ab")
+    assert len(read_urdf(file)) == 1
+
+
 def test_every_link_without_mass_is_named_at_once(tmp_path: Path) -> None:
     file = robot(tmp_path, joint("one", "a", "b"), joint("two", "b", "c"))
     file.write_text(file.read_text().replace(INERTIAL, ""))

@@ -33,6 +33,7 @@ class Proposing:
         self,
         why: Why,
         based_on: Version,
+        *,
         kp: Kp | None = None,
         ki: Ki | None = None,
         kd: Kd | None = None,

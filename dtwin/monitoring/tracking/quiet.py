@@ -76,16 +76,24 @@ def quiet_rows(last: int, gripped: bool, sample: NDArray[np.int64], told: Array,
     return len(sample)
 
 
+class Batch(NamedTuple):
+    """Samples in a row, the gripper unchanged.
+
+    Attributes:
+        first: number of the first one.
+        told: (N, 7), readings, rad, and the command that answered them, V; that of the gripper last.
+        command: (4,), command that led to the first sample, V.
+        doubted: samples still to come that are no evidence.
+    """
+
+    first: int
+    told: Array
+    command: Array
+    doubted: int
+
+
 def follow(
-    estimator: Estimator,
-    readings: Readings,
-    bank: SignatureBank,
-    threshold: float,
-    first: int,
-    told: Array,
-    command: Array,
-    doubted: int,
-    tape: Tape,
+    estimator: Estimator, readings: Readings, bank: SignatureBank, threshold: float, batch: Batch, tape: Tape
 ) -> Stretch:
     """Takes in samples in a row, the gripper unchanged, until there is more to do.
 
@@ -94,22 +102,19 @@ def follow(
         readings: settled, with no reading left out.
         bank: evidence so far.
         threshold: value of the largest statistic above which there is more to do.
-        first: number of the first sample.
-        told: (N, 7), readings, rad, and the command that answered them, V; that of the gripper last.
-        command: (4,), command that led to the first sample, V.
-        doubted: samples still to come that are no evidence.
+        batch: the samples.
         tape: receives what is made of the samples, but for the last one.
     """
-    count = len(told)
+    told, count = batch.told, len(batch.told)
     volts, angles, (used, fresh) = np.empty((count, 3)), np.empty((count, 3)), np.empty((2, count, 3), dtype=bool)
     doubts, likelihoods, counted = np.empty(count), np.empty(count), np.empty(count, dtype=bool)
     past = bank.room(estimator)
     done, doubted, concluded = _work(
         told,
-        command,
-        first,
+        batch.command,
+        batch.first,
         threshold,
-        doubted,
+        batch.doubted,
         estimator.gripped,
         estimator.belief.error.pushing,
         estimator.arrays(),

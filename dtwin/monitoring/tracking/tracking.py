@@ -15,7 +15,7 @@ from dtwin.monitoring.sensing.gripper import GripperWatch
 from dtwin.monitoring.sensing.readings import Readings
 from dtwin.monitoring.signatures import SignatureBank
 from dtwin.monitoring.tracking.moments import Moment, Moments
-from dtwin.monitoring.tracking.quiet import LEAST_LIKELY, WINDOW, Stretch, follow, in_doubt, quiet_rows
+from dtwin.monitoring.tracking.quiet import LEAST_LIKELY, WINDOW, Batch, Stretch, follow, in_doubt, quiet_rows
 from dtwin.monitoring.tracking.recall import Recall
 from dtwin.monitoring.tracking.samples import Samples, Tape
 
@@ -109,8 +109,8 @@ class Tracking:
         rows = self.gripper.calm(sample[:rows], jaw[:rows], volts[:rows, 3]) if rows else 0
         if not rows:
             return Stretch(0, (), self._doubted, True)
-        how = (threshold, self.sample + 1, told[:rows], self.command.copy(), self._doubted, tape)
-        stretch = follow(estimator, self.readings, self.bank, *how)
+        batch = Batch(self.sample + 1, told[:rows], self.command.copy(), self._doubted)
+        stretch = follow(estimator, self.readings, self.bank, threshold, batch, tape)
         done = stretch.done
         self.gripper.pass_over(sample[:done], jaw[:done], volts[:done, 3])
         self.sample += done
