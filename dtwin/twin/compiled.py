@@ -1,8 +1,9 @@
 """Compiles kernels to machine code, and keeps the code on disk for every process that comes after.
 
 Numba puts the files beside the sources, in `__pycache__`, or in the user's cache folder where the sources are
-read-only; NUMBA_CACHE_DIR names another folder. It trusts what it finds there: half a file would end every process
-that reads it, and other machine code would crash it. So each file carries its checksum here, and a damaged one counts
+read-only; NUMBA_CACHE_DIR names another folder. Of a user who has none they are among the temporary files, in a
+folder that only this user can write. Numba trusts what it finds there: half a file would end every process that reads
+it, and other machine code would crash it. So each file carries its checksum here, and a damaged one counts
 as none: the kernel is compiled again and the file replaced. Where nothing can be written, every process compiles.
 
 Of processes that want the same kernel at the same time one compiles and the others wait for its files: the lock of
@@ -30,6 +31,8 @@ from typing import Any, Final
 import numba
 from numba.core import event
 from numba.core.caching import FunctionCache, IndexDataCacheFile
+
+from iec61499.native.kept import temporary
 
 log = logging.getLogger(__name__)
 
@@ -67,10 +70,22 @@ def kernel(
     if inlined:
         return dispatcher
     try:
-        dispatcher._cache = _Cache(function, uses)
+        dispatcher._cache = _cache(function, uses)
     except RuntimeError as error:  # no folder can be written
         log.info("%s", error)
     return dispatcher
+
+
+def _cache(function: Callable[..., Any], uses: tuple[ModuleType, ...]) -> _Cache:
+    """Where the compiled forms of a kernel are kept; raises RuntimeError if no folder can be written."""
+    try:
+        return _Cache(function, uses)
+    except RuntimeError:
+        folder = temporary("kernels")
+        if folder is None:
+            raise
+        numba.config.CACHE_DIR = str(folder)  # also of all other kernels
+        return _Cache(function, uses)
 
 
 @contextmanager

@@ -1,9 +1,9 @@
 """Compiles C units once, and keeps the machine code for every process that comes after.
 
 The compiler is the system's `cc`, or the one of the package `ziglang` (`pip install dtwin[native]`). Files are kept
-in `dtwin/native` of the user's cache folder, or in DTWIN_CACHE_DIR. Whoever can write there could make this process
-do anything, so the folder must be the user's own with mode 0700, and each file ends with a checksum over it and its
-key: what is damaged or was made from something else is made again. When they become many, the oldest go.
+in `dtwin/native` of the user's cache folder, in DTWIN_CACHE_DIR, or, of a user who has no folder, among the temporary
+files. The folder must be the user's own with mode 0700 (see `kept`), and each file ends with a checksum over it and
+its key: what is damaged or was made from something else is made again. When they become many, the oldest go.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from typing import Any, Final
 from iec61499 import model
 from iec61499.errors import NativeError
 from iec61499.library import Library
-from iec61499.native.kept import MAKING, tidy, used
+from iec61499.native.kept import MAKING, kept_folder, tidy, used
 from iec61499.native.layout import Layout, network_layout
 from iec61499.native.unit import Unit, unit_of
 
@@ -97,7 +97,7 @@ def load(
     problems = []
     for compiler in compilers():
         key = _key(subject, compiler, flags)
-        folder = _folder()
+        folder = kept_folder()
         kept = folder / f"{name}-{key}.so" if folder is not None else None
         if kept is not None and _is_intact(kept, key):
             try:
@@ -140,23 +140,6 @@ def _sources() -> hashlib._Hash:
             if path.suffix in (".py", ".h", ".lark"):
                 digest.update(path.read_bytes())
     return digest
-
-
-def _folder() -> Path | None:
-    """The folder of kept files; None when there is none that only this user can write."""
-    given = os.environ.get("DTWIN_CACHE_DIR")
-    try:
-        base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "dtwin" / "native"
-        folder = Path(given or base).absolute()  # a name without a folder would be looked for elsewhere
-        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-        status = folder.lstat()
-    except (OSError, RuntimeError) as error:
-        log.info("machine code is not kept: %s", error)
-        return None
-    if not stat.S_ISDIR(status.st_mode) or status.st_uid != os.geteuid() or stat.S_IMODE(status.st_mode) & 0o077:
-        log.info("%s: machine code is not kept: expected a folder of this user with mode 0700", folder)
-        return None
-    return folder
 
 
 def _is_intact(path: Path, key: str) -> bool:

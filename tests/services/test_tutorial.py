@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from dtwin.cli import main
-from iec61499.native.build import _folder
+from iec61499.native.kept import kept_folder
 from tests.support.desk import Desk
 from tests.support.pages.blocks import blocks, words_of
 
@@ -27,7 +27,7 @@ def test_the_tutorial_ends_with_a_recovered_arm(
     desk: Desk, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    kept = _folder()  # of machine code, which is not made again for a home that is empty
+    kept = kept_folder()  # of machine code, which is not made again for a home that is empty
     monkeypatch.setenv("DTWIN_CACHE_DIR", str(kept))
     monkeypatch.setenv("HOME", str(tmp_path / "home"))
     monkeypatch.delenv("XDG_CACHE_HOME", raising=False)

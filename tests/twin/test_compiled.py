@@ -120,12 +120,29 @@ def test_a_folder_that_cannot_be_written_has_its_code_in_the_users_cache(folder:
     assert list(cache.rglob("*.nbc"))
 
 
-def test_without_any_folder_every_process_compiles(folder: Path) -> None:
-    (folder / "__pycache__").write_text("in the way")
-    (folder / "home").write_text("in the way")
-    variables = {"XDG_CACHE_HOME": str(folder / "home"), "HOME": str(folder / "home")}
-    assert run(folder, "kernels", **variables) == [["42.0"]]
-    assert run(folder, "kernels", **variables) == [["42.0"]]
+@pytest.fixture
+def homeless(folder: Path) -> dict[str, str]:
+    """What lets a process have no folder but that of temporary files."""
+    for name in ("__pycache__", "home"):
+        (folder / name).write_text("in the way")
+    (folder / "tmp").mkdir()
+    return {**dict.fromkeys(("XDG_CACHE_HOME", "HOME"), str(folder / "home")), "TMPDIR": str(folder / "tmp")}
+
+
+def test_a_user_without_a_home_has_a_folder_of_the_own_among_temporary_files(
+    folder: Path, homeless: dict[str, str]
+) -> None:
+    assert run(folder, "kernels", **homeless) == [["42.0"]]
+    assert run(folder, "kernels", **homeless) == [["42.0", "1"]]
+    (own,) = (folder / "tmp").iterdir()
+    assert own.stat().st_mode & 0o777 == 0o700
+    assert list(own.rglob("*.nbc"))
+
+
+def test_without_any_folder_every_process_compiles(folder: Path, homeless: dict[str, str]) -> None:
+    (folder / "tmp" / f"dtwin-{os.geteuid()}").mkdir(mode=0o755)  # others may read it
+    assert run(folder, "kernels", **homeless) == [["42.0"]]
+    assert run(folder, "kernels", **homeless) == [["42.0"]]
 
 
 def test_of_processes_that_start_together_one_compiles(folder: Path) -> None:

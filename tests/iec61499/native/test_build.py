@@ -53,6 +53,20 @@ def test_machine_code_is_kept_for_the_user_alone(cache: Path, monkeypatch: pytes
     assert count() == 2
 
 
+def test_a_user_without_a_home_keeps_it_among_temporary_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "home").write_text("in the way")
+    monkeypatch.delenv("DTWIN_CACHE_DIR", raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "home"))
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    assert count() == 2
+    (kept,) = tmp_path.rglob("*.so")
+    assert kept.parent.stat().st_mode & 0o777 == 0o700
+    forbid(monkeypatch)
+    assert count() == 2
+
+
 @pytest.mark.parametrize("damage", ["cut", "changed", "foreign", "link"])
 def test_what_is_not_what_was_made_is_made_again(
     cache: Path, damage: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
