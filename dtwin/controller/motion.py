@@ -24,6 +24,9 @@ ARM: Final = "ARM"
 _OF_THE_APPLICATION: Final = {CONFIRM, WIDENED, *OFFSETS}
 """Inputs of blocks of the cell's application, which a single motion has not."""
 
+_UNSETTLED: Final = 10
+"""Samples after a start for which the observer takes no reading for frozen."""
+
 Goal = str | Triple
 """Goal of a motion: the name of a place, or joint angles in rad."""
 
@@ -158,10 +161,16 @@ class MotionController:
 
     def _remember(self, theta: Triple, omega: Triple) -> None:
         """Gives controller and observer the samples before, from which they compute a velocity."""
-        self.resource.write("CONTROLLER.RUNNING", True)
-        self.resource.write("OBSERVER.RUNNING", True)
+        write = self.resource.write
+        write("CONTROLLER.RUNNING", True)
+        write("OBSERVER.RUNNING", True)
+        write("OBSERVER.WAIT", _UNSETTLED)
         for joint, (angle, speed) in enumerate(zip(theta, omega, strict=True), 1):
-            self.resource.write(f"CONTROLLER.Y1{joint}", angle - speed * PERIOD)
-            self.resource.write(f"CONTROLLER.Y2{joint}", angle - 2.0 * speed * PERIOD)
-            self.resource.write(f"OBSERVER.TH{joint}", angle - speed * PERIOD)
-            self.resource.write(f"OBSERVER.OM{joint}", speed)
+            before = angle - speed * PERIOD
+            write(f"CONTROLLER.Y1{joint}", before)
+            write(f"CONTROLLER.Y2{joint}", angle - 2.0 * speed * PERIOD)
+            observed = {"TH": before, "SEEN": before, "MOVED": speed * PERIOD, "OM": speed, "PACE": speed}
+            for name, value in observed.items():
+                write(f"OBSERVER.{name}{joint}", value)
+            write(f"OBSERVER.SIGN{joint}", 1.0)
+            write(f"OBSERVER.BELIEVED{joint}", True)
