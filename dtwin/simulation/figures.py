@@ -31,7 +31,8 @@ class Figures(msgspec.Struct, frozen=True):
         tracking_rms: root mean square of the distance of each joint from its path, rad.
         settling_time: time from the start until all joints stay within 2 % of their way from the target, slower than
             0.01 rad/s, s; None when they do not settle within the motion's samples.
-        overshoot: largest distance of each joint beyond its target, rad.
+        overshoot: largest distance of each joint beyond its target, less what its path goes beyond it: some paths
+            make a detour, rad.
         final_error: distance of each joint from its target at the end, rad.
         peak_volts: largest voltage of each joint, V.
         saturated: share of the samples with a voltage at its limit.
@@ -85,7 +86,7 @@ def _look(
         theta, omega, path, volts, constants: as for `figures`.
         goal: (3,), the target.
         found: (5, 3), receives for each joint the largest distance from the path, the root mean square of that, the
-            largest distance beyond the target, the largest voltage, and the distance from the target at the end.
+            overshoot, the largest voltage, and the distance from the target at the end.
         work: (N, 3), receives what each motor puts in between samples, J; exact, because its torque is constant
             meanwhile.
 
@@ -98,7 +99,7 @@ def _look(
     for i in range(3):
         way = goal[i] - theta[0, i]
         band = max(SETTLED_SHARE * abs(way), SETTLED_BAND)
-        direction = np.sign(way)
+        direction, detour = np.sign(way), 0.0
         for k in range(samples + 1):
             if abs(theta[k, i] - goal[i]) > band or abs(omega[k, i]) > SETTLED_SPEED:
                 last = max(last, k)
@@ -107,9 +108,11 @@ def _look(
             error = path[k, i] - theta[k, i]
             found[0, i] = max(found[0, i], abs(error))
             found[1, i] += error * error
+            detour = max(detour, direction * (path[k, i] - goal[i]))
             found[3, i] = max(found[3, i], abs(volts[k, i]))
             work[k, i] = max(constants[i] * volts[k, i] * (theta[k + 1, i] - theta[k, i]), 0.0)
         found[1, i] = math.sqrt(found[1, i] / samples)
+        found[2, i] = max(found[2, i] - detour, 0.0)
         found[4, i] = abs(theta[samples, i] - goal[i])
     for k in range(samples):
         if max(abs(volts[k, 0]), abs(volts[k, 1]), abs(volts[k, 2])) >= VOLTAGE_LIMIT:

@@ -17,11 +17,11 @@ from dtwin.controller.settings import ControlSettings
 from dtwin.errors import DivergenceError, ParameterError, choices
 from dtwin.parameters import ArmParameters, Gains
 from dtwin.simulation.checks import Motion
-from dtwin.simulation.figures import Array, Figures, triple
+from dtwin.simulation.figures import Array, Figures
 from dtwin.simulation.margins.demands import DEMANDS, demanded_margins
 from dtwin.simulation.margins.loop import linear_loop
 from dtwin.simulation.places import angles_of
-from dtwin.simulation.whatif import MotionCase, Outcome, Simulator
+from dtwin.simulation.whatif import MotionCase, Simulator
 from dtwin.task import DEFAULT_TASK, Task
 
 TERMS: Final = ("time", "tracking", "energy", "voltage")
@@ -40,7 +40,7 @@ class Limits:
 
     Attributes:
         saturated: largest share of the samples of a motion with a voltage at its limit.
-        overshoot: largest distance beyond the target, rad.
+        overshoot: largest distance beyond the target that the path has not, rad.
         tracking: largest distance from the path, rad.
         voltage: largest voltage, V.
     """
@@ -149,15 +149,15 @@ def score(objective: Objective, target_time: float, gains: Gains) -> CandidateSc
     outcomes = simulator.run_all([_case(scenario, settings, task) for scenario in objective.scenarios])
     for done, scenario in enumerate(objective.scenarios, 1):
         try:
-            outcome = _judged(next(outcomes), objective.limits)
+            figures = next(outcomes).figures
         except DivergenceError:
             return CandidateScore(target_time, gains, {}, "divergence", UNUSABLE * _UNSTABLE, done)
-        broken, excess = _broken(outcome, objective.limits, must_settle=not scenario.noise)
+        broken, excess = _broken(figures, objective.limits, must_settle=not scenario.noise)
         if broken:
             # The later the scenario that fails, the nearer the settings are to keeping all limits.
             left = 1.0 - (done - 1) / len(objective.scenarios)
             return CandidateScore(target_time, gains, {}, broken, UNUSABLE * (1.0 + left + min(excess, _BAD)), done)
-        found.append((scenario, outcome))
+        found.append((scenario, figures))
     terms = _terms(found, target_time)
     reference = objective.reference or terms
     total = sum(objective.weights.values())
@@ -243,16 +243,6 @@ def _case(scenario: Scenario, settings: ControlSettings, task: Task) -> MotionCa
 def _resting_points(scenarios: Sequence[Scenario]) -> list[Scenario]:
     """One scenario for every goal, with and without a box, at which stability is checked."""
     return list({(s.motion.goal, s.motion.carries): s for s in scenarios}.values())
-
-
-def _judged(outcome: Outcome, limits: Limits) -> Figures:
-    """The figures of a motion, where only what lies beyond the path counts as overshoot: some paths make a detour."""
-    if max(outcome.figures.overshoot) <= limits.overshoot:
-        return outcome.figures
-    way = np.sign(np.array(outcome.target) - outcome.path[0])
-    detour = np.maximum(0.0, (way * (outcome.path - np.array(outcome.target))).max(axis=0))
-    beyond = triple(np.maximum(0.0, np.array(outcome.figures.overshoot) - detour))
-    return msgspec.structs.replace(outcome.figures, overshoot=beyond)
 
 
 def _broken(figures: Figures, limits: Limits, must_settle: bool) -> tuple[str, float]:

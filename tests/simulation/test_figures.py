@@ -44,7 +44,10 @@ def test_distance_overshoot_and_end() -> None:
     found = figures(theta, omega, path, np.zeros((400, 3)), (0.5, 1.0, 0.0), CONSTANTS)
     assert found.tracking_max == pytest.approx((0.01, 0.02, 0.0))
     assert found.tracking_rms == pytest.approx((0.01, 0.02, 0.0))
-    assert found.overshoot[0] == pytest.approx(0.5, abs=1e-6)
+    assert found.overshoot == (0.0, 0.0, 0.0)  # the path itself goes beyond the target
+    path[:, 0] = np.minimum(path[:, 0], 0.5)
+    direct = figures(theta, omega, path, np.zeros((400, 3)), (0.5, 1.0, 0.0), CONSTANTS)
+    assert direct.overshoot == pytest.approx((0.5, 0.0, 0.0), abs=1e-6)
     assert found.final_error == pytest.approx((0.5, 0.0, 0.0), abs=1e-6)
 
 
