@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from dtwin.line.control import Control, OneResource
 from dtwin.line.file import line_of
-from dtwin.line.line import Line
+from dtwin.line.line import BoxClass, Line
 from dtwin.line.plant import Plant
 from dtwin.line.station import Station, TimedStation, WorkTimes
 from dtwin.line.twins.forward import Change, Forward
@@ -58,3 +58,19 @@ def test_no_box_leaves_unfinished_when_an_operation_moves_back_a_zone() -> None:
     go_on(plant, control, 1200)
     assert len(plant.left) > 5
     assert plant.unfinished == 0
+
+
+def test_a_vehicle_that_waits_for_its_box_is_not_sent_away_for_one_that_comes_just_now() -> None:
+    """What a vehicle fetches next is decided in the very cycle in which it has put its box down, too."""
+    classes = (BoxClass("heavy", 0.21), BoxClass("light", 0.1))
+    source = replace(FULL.source, every=1000.0, lightest=0.1, masses=(0.1, 0.21), classes=classes)
+    stations = {"deburr.heavy": "a2", "mark.heavy": "a2", "test.heavy": "b1", "pack.heavy": "b2"}
+    stations |= {"deburr.light": "a1", "mark.light": "a2", "test.light": "b1", "pack.light": "b2"}
+    plant, control = running(replace(FULL, source=source, assignment=stations), 0)
+    while not any(event.kind == "unloaded" for event in plant.events):
+        control.step(plant)
+        plant.advance()
+    plant.source = plant.new_box()
+    go_on(plant, control, 80)
+    assert plant.vehicles["a_agv1"].path == ["a1_dock"]
+    assert [(event.who, event.text) for event in plant.events if event.kind == "loaded"][1:] == [("a_agv2", "source")]
