@@ -50,7 +50,7 @@ class Reader(Generic[M]):
             found = self._decode(payload)
         except msgspec.ValidationError as error:
             raise MessageError("invalid", str(error)) from None
-        except msgspec.DecodeError as error:
+        except (msgspec.DecodeError, UnicodeDecodeError) as error:
             raise MessageError("malformed", str(error)) from None
         except RecursionError:
             raise MessageError("malformed", "nested too deeply") from None

@@ -200,8 +200,8 @@ class Bus:
     ) -> Subscription:
         """Calls `receive` with every valid message of a topic.
 
-        `receive` runs on a thread of Zenoh; it must return at once and not raise. The subscription lasts as long as
-        the session, unless it is ended before.
+        `receive` runs on a thread of Zenoh; it must return at once and raise nothing but a MessageError, with which
+        it refuses the message. The subscription lasts as long as the session, unless it is ended before.
         """
         return self.subscribe_senders(topic, message, lambda found, sender: receive(found), part, stranger=stranger)
 

@@ -107,7 +107,7 @@ class Plant:
         vehicle: makes the vehicles; ones that the plant emulates if not given.
 
     Attributes:
-        boxes: all boxes so far, by their numbers.
+        boxes: all boxes so far, or since `resume` those that were in the line then and later ones, by their numbers.
         left: numbers of the boxes that have left, with the times, s.
         vehicles: the vehicles by their names.
         stations: the stations by their names.
@@ -136,7 +136,7 @@ class Plant:
         self.source = 0
         self.active: Sequence[int] = range(len(line.zones))
         self._cycles = 0
-        self._arrived = 0
+        self._arrived = self._made = 0
         self._touching: set[tuple[str, str]] = set()
         self._generator = np.random.default_rng(np.random.SeedSequence([line.seed, 49]))
 
@@ -319,10 +319,11 @@ class Plant:
 
     def new_box(self, done: int = 0) -> int:
         """Makes a box to which some operations were done; its number."""
-        source, number = self.line.source, len(self.boxes) + 1
+        source, before = self.line.source, self._made
+        number = self._made = before + 1
         mass = source.lightest + (source.heaviest - source.lightest) * float(self._generator.random())
         if source.masses:
-            mass = source.masses[len(self.boxes) % len(source.masses)]
+            mass = source.masses[before % len(source.masses)]
         self.boxes[number] = LineBox(number, mass, done)
         return number
 
@@ -340,16 +341,15 @@ class Plant:
         boxes = tuple(BoxNow(box.number, self.line.source.kind(box.mass), box.done) for box in found)
         buffers = tuple(map(tuple, self.buffers))
         ends = self.source, self.outside, buffers
-        return PlantNow(self.time, len(self.boxes), boxes, *ends, tuple(stations), tuple(vehicles))
+        return PlantNow(self.time, self._made, boxes, *ends, tuple(stations), tuple(vehicles))
 
     def resume(self, now: PlantNow) -> None:
         """Is as it was, with stations that are so already; a box has the largest mass of its class then."""
         self._cycles = round(now.time / CYCLE)
         self._arrived = math.ceil(round(now.time / self.line.source.every, 9))
         self.source, self.outside = now.source, now.outside
-        self.boxes = {number: LineBox(number, self.line.source.heaviest) for number in range(1, now.entered + 1)}
-        for box in now.boxes:
-            self.boxes[box.number] = LineBox(box.number, self.line.classes[box.kind].heaviest, box.done)
+        self._made, classes = now.entered, self.line.classes
+        self.boxes = {box.number: LineBox(box.number, classes[box.kind].heaviest, box.done) for box in now.boxes}
         self.buffers = [deque(each) for each in now.buffers]
         for vehicle in now.vehicles:
             self.vehicles[vehicle.name].resume(vehicle)

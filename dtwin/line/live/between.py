@@ -9,7 +9,7 @@ from functools import partial
 from queue import Empty, SimpleQueue
 from typing import Any, TypeVar
 
-from dtwin.errors import CommunicationError, DtwinError
+from dtwin.errors import CommunicationError
 
 R = TypeVar("R")
 
@@ -30,7 +30,7 @@ class Between:
         """What comes of something that the thread of the line does; called by other threads.
 
         Raises:
-            CommunicationError: it does not come to it in time.
+            CommunicationError: it does not come to it in time; then it is not done later either.
             DtwinError: it is refused.
         """
         answer: Future[R] = Future()
@@ -38,10 +38,14 @@ class Between:
         try:
             return answer.result(self._patience)
         except Late:
+            answer.cancel()
             raise CommunicationError("the line is busy, or has come to its end; try again") from None
 
     def serve(self, seconds: float = 0.0) -> None:
-        """Does what was asked, and for some seconds what is asked meanwhile."""
+        """Does what was asked, and for some seconds what is asked meanwhile.
+
+        Whatever comes of it is told to who asked: no question may end the thread of the line.
+        """
         until = self._clock() + seconds
         while True:
             left = until - self._clock()
@@ -49,7 +53,9 @@ class Between:
                 asked, answer = self._asked.get(timeout=left) if left > 0.0 else self._asked.get_nowait()
             except Empty:
                 return
+            if not answer.set_running_or_notify_cancel():
+                continue
             try:
                 answer.set_result(asked())
-            except DtwinError as error:
+            except Exception as error:
                 answer.set_exception(error)

@@ -8,7 +8,10 @@ from dtwin.bus.chain.messages import JointCommands, JointSensors, JointTick, Joi
 from dtwin.bus.messages import EVENTS, JOINT_COMMANDS, JOINT_SENSORS, JOINT_TICKS
 from dtwin.bus.passed import PassedJoints
 from dtwin.bus.session import Bus
+from dtwin.errors import ParameterError
 from dtwin.line.chain.rows import ArmRows, Row
+from dtwin.line.live.heard import believed
+from dtwin.names import counted
 from dtwin.parameters import PERIOD
 from dtwin.run.chain import ChainSettings
 from dtwin.signals import Event
@@ -66,15 +69,20 @@ class ChainArmFollower:
     ) -> None:
         self._settings = settings
         self.log = ArmRows(settings)
-        bus.subscribe(JOINT_TICKS, JointTicks, lambda passed: put(self, passed.ticks))
+        bus.subscribe(JOINT_TICKS, JointTicks, believed(self._check, lambda passed: put(self, passed.ticks)))
+
+    def _check(self, passed: JointTicks) -> None:
+        """Checks that ticks are of an arm with as many joints. Raises ParameterError."""
+        joints = len(self._settings.arm)
+        for tick in passed.ticks:
+            for values in (tick.sensors.theta, tick.acted.commands, tick.acted.target):
+                if len(values) != joints:
+                    raise ParameterError(f"tick: expected {counted(joints, 'joint')}, got {len(values)}")
 
     def take(self, came: tuple[JointTick, ...]) -> None:
         """Takes ticks that have passed; after lost ones, or an arm that begins anew, the log begins with them."""
-        joints = len(self._settings.arm)
         for tick in came:
             sensors, acted = tick.sensors, tick.acted
-            if not len(sensors.theta) == len(acted.commands) == len(acted.target) == joints:
-                continue  # nobody knows which joints they are of
             if sensors.sequence != len(self.log):
                 self.log = ArmRows(self._settings, sensors.sequence)
             self.log.append(

@@ -7,6 +7,7 @@ import threading
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import Final
 
 from dtwin.bus.line.messages import LineDecision, LineState
@@ -17,6 +18,7 @@ from dtwin.bus.topics.topic import CHECKED
 from dtwin.errors import CommunicationError, DtwinError, ParameterError, UnansweredError, choices
 from dtwin.line.line import Assignment, Line
 from dtwin.line.live.between import Between
+from dtwin.line.live.heard import believed, check_answer, check_plant_state, check_zone_state
 from dtwin.line.live.seen import line_state
 from dtwin.line.live.serving import Answers
 from dtwin.line.twins.decisions import Absence, Decision, Mode
@@ -67,12 +69,12 @@ class DistantZone:
         self.plant: PlantState | None = None
         self._name, self._stations = zone.name, tuple(station.name for station in zone.stations)
         self._places = tuple(dict.fromkeys(operation.place for operation in line.operations))
-        self._jobs = line.jobs
+        self._line, self._zone = line, zone
         self._bus, self._clock = bus.beside(zone.name), clock
         self._heard = clock()
         self._rates: dict[tuple[tuple[str, str], ...], float] = {}
         self._bests: dict[tuple[tuple[str, str], ...], float] = {}
-        self._bus.subscribe(ZONE_STATE, ZoneState, self._hold)
+        self._bus.subscribe(ZONE_STATE, ZoneState, believed(partial(check_zone_state, zone), self._hold))
 
     @property
     def name(self) -> str:
@@ -112,7 +114,7 @@ class DistantZone:
             answer = self._ask(FlowQuestion(operations, dict(now), arrivals))
         except CommunicationError as error:
             log.warning("zone %s stays as it is: %s", self._name, error)
-            jobs = [job.name for job in self._jobs if job.operation in operations]
+            jobs = [job.name for job in self._line.jobs if job.operation in operations]
             share = {name: now[name] for name in jobs if now[name] in self._stations}
             able = all(self.capability(at).ability != "nothing" for at in share.values())
             return Flow(share, self._bests.get(_key(share), 3600.0)) if able and len(share) == len(jobs) else None
@@ -135,7 +137,9 @@ class DistantZone:
     def _ask(self, question: FlowQuestion) -> FlowAnswer:
         if not self.present:
             raise UnansweredError(f"the twin of zone {self._name} does not answer")
-        return self._bus.ask(ZONE_FLOW, question, FlowAnswer, _ANSWER)
+        answer = self._bus.ask(ZONE_FLOW, question, FlowAnswer, _ANSWER)
+        believed(partial(check_answer, self._line, self._zone, question), lambda good: None)(answer)
+        return answer
 
     def _hold(self, state: ZoneState) -> None:
         if self.state is not None and self.state.stations != state.stations:
@@ -171,6 +175,7 @@ class LiveOverall:
         self._holding = threading.Lock()
         self.work = Reorganisation(line, mode, self._zones, Doors(self._tell, self._now, self._note, self._propose))
         self._answers = Answers(line, self, book, bus, self._between)
+        self._hold = believed(partial(check_plant_state, line), self._take)
         bus.subscribe(PLANT_STATE, PlantState, self._hold)
 
     @property
@@ -318,7 +323,7 @@ class LiveOverall:
     def _now(self) -> float:
         return self.time
 
-    def _hold(self, state: PlantState) -> None:
+    def _take(self, state: PlantState) -> None:
         """Takes a state of the plant, unless a newer one was the answer to a question while it was on its way."""
         with self._holding:
             held = self._plant

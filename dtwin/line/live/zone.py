@@ -8,6 +8,7 @@ from __future__ import annotations
 import logging
 from collections import deque
 from collections.abc import Callable
+from functools import partial
 from threading import Lock
 from typing import Any, Final
 
@@ -26,12 +27,13 @@ from dtwin.bus.line.plant import (
 from dtwin.bus.line.situation import PlantSituation
 from dtwin.bus.line.topics import PLANT_NOW, PLANT_SET_UP, PLANT_STATE, PLANT_WORD, ZONE_FLOW, ZONE_STATE
 from dtwin.bus.session import Bus
-from dtwin.errors import CommunicationError
+from dtwin.errors import CommunicationError, ParameterError
 from dtwin.line.chain.cell import arm_cell, believed_chain_settings
 from dtwin.line.control import OneResource
 from dtwin.line.line import Line, Load, StationPlan
 from dtwin.line.live.arms import ArmFollower
 from dtwin.line.live.chain import ChainArmFollower
+from dtwin.line.live.heard import believed, check_plant_state, check_question, check_situation
 from dtwin.line.live.seen import told
 from dtwin.line.situation import Situation
 from dtwin.line.twins.decisions import OPERATOR, REPAIRED, Decision, Mode
@@ -89,7 +91,7 @@ class LiveZone:
         own = self._own = bus.beside(zone.name)
         self._tell = own.publisher(ZONE_STATE)
         self._arms = {station.name: _follower(bus.beside(station.name), station, put) for station in zone.stations}
-        bus.subscribe(PLANT_STATE, PlantState, put)
+        bus.subscribe(PLANT_STATE, PlantState, believed(partial(check_plant_state, line), put))
         bus.watch_alive(lambda name, alive: put(alive), OVERALL)
         own.answer(ZONE_FLOW, FlowQuestion, self._flow)
 
@@ -217,15 +219,17 @@ class LiveZone:
             return self._known
         try:
             told = self._own.ask(PLANT_NOW, None, PlantSituation)
+            check_situation(self._line, told)
             self._blocks = self._blocks or OneResource(self._line)
             self._known = Situation(told.plant, told.set_ups, told.done_by, self._blocks.recall(told.blocks))
-        except (CommunicationError, FunctionBlockError) as error:
+        except (CommunicationError, ParameterError, FunctionBlockError) as error:
             log.info("simulated from an empty zone on: %s", error)
             self._known = None
         return self._known
 
     def _flow(self, asked: FlowQuestion) -> FlowAnswer:
         """Answers on a thread of its own: a simulation takes seconds, in which the arms are watched."""
+        check_question(self._line, asked)
         share = {name: at for name, at in asked.set_up.items() if at in self._twin.stations}
         if not asked.operations:
             return FlowAnswer(share, self._twin.rate(share) if share else 0.0)

@@ -234,6 +234,9 @@ class NodeTwin:
             mass: mass of the box that it has or is offered, kg; None for a usual one, or none.
         """
         rows, first = len(log), self._seen
+        if rows < first:  # the arm has begun anew
+            self._monitor, self._busy_since = None, None
+            first = self._from = self._suspected_until = log.forgotten
         self._seen = rows
         if mass is not None and (not self._weighed or self._weighed[-1][1] != mass):
             self._weighed.append((first, mass))
