@@ -44,6 +44,9 @@ COMMANDS: Final[dict[str, Subcommand]] = {
     "experiment line-outages": Subcommand(
         "evidence.line.outages", "ExperimentLineOutages", "end, freeze and cut off the twins of a line; report"
     ),
+    "experiment line-answer": Subcommand(
+        "evidence.line.answer", "ExperimentLineAnswer", "time the answer of a line in processes to a fault; report"
+    ),
     "experiment line-scale": Subcommand(
         "evidence.line.scale", "ExperimentLineScale", "run sixteen arms in real time over a router; report"
     ),

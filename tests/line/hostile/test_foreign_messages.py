@@ -160,7 +160,7 @@ def hears_zone(told: PlantState) -> dict[str, msgspec.Struct]:
     return {
         "line/plant/state": told,
         "a1/ticks": PassedTicks(tuple(map(tick, range(10)))),
-        "a/twin/zone/flow": FlowQuestion(("deburr", "mark"), LINE.assignment, ((5.0, 0), (9.0, 0))),
+        "a/twin/zone/flow": FlowQuestion(("deburr", "mark"), dict(LINE.assignment), ((5.0, 0), (9.0, 0))),
     }
 
 
