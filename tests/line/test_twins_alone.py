@@ -4,13 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
+from time import monotonic
 from typing import Any, cast
 
+import msgspec
 import pytest
 
-from dtwin.bus.line.plant import ArmSettings, PlantSetUp, PlantState, PlantWord, StationReading
+from dtwin.bus.line.messages import VehicleSeen, ZoneSeen
+from dtwin.bus.line.plant import (
+    ArmSettings,
+    PlantSetUp,
+    PlantState,
+    PlantWord,
+    StationAbility,
+    StationReading,
+    ZoneState,
+)
 from dtwin.bus.line.topics import PLANT_SET_UP, PLANT_STATE, PLANT_WORD
+from dtwin.bus.proposals.deciding import LINE as LINE_BOOK
+from dtwin.bus.proposals.deciding import LINE_DOORS, decide
+from dtwin.bus.proposals.messages import FoundSettings, ProposalDecision, ProposalRequest
 from dtwin.bus.session import Bus
 from dtwin.bus.topics.topic import Topic
 from dtwin.errors import CommunicationError, DtwinError, RecordingError
@@ -23,8 +38,10 @@ from dtwin.line.twins.decisions import Decision
 from dtwin.line_file import LineFile
 from dtwin.parameters import ArmParameters
 from dtwin.simulation.proposals.book import Book
+from tests.support.stand_in import StandIn
 
 LINE = line_of("default")
+PLACES = ("blue", "red", "green")
 
 
 class Wire:
@@ -62,7 +79,13 @@ def state(time: float, version: int = 0, stop: int = 0, settings: ArmSettings | 
     usual = tuple(StationReading(each.name, 0, 0) for each in LINE.stations)
     changed = StationReading("a2", 0, stop, "it smokes" if stop else "", settings=settings)
     stations = tuple(changed if each.name == "a2" else each for each in usual)
-    return PlantState(time, version, dict(LINE.assignment), 0, 0, 0, 0, 0, 0.0, stations, ())
+    vehicles = tuple(
+        VehicleSeen(vehicle.name, zone.name, "home", (0.0, 0.0), 100.0)
+        for zone in LINE.zones
+        for vehicle in zone.vehicles
+    )
+    zones = tuple(ZoneSeen(zone.name, 0, 0.0) for zone in LINE.zones)
+    return PlantState(time, version, dict(LINE.assignment), 0, 0, 0, 0, 0, 0.0, stations, vehicles, zones=zones)
 
 
 def test_a_stop_that_nobody_answers_is_said_again_until_the_arm_is_stopped() -> None:
@@ -163,3 +186,66 @@ def test_at_the_keys_of_a_zone_the_plant_commands_the_stations_of_that_zone_alon
     with pytest.raises(DtwinError, match="zone a: expected one of its stations, a1 or a2, got 'b1'"):
         asked("a", PLANT_SET_UP, PlantSetUp(0, {**LINE.assignment, "mark": "b1"}))
     assert asked("a", PLANT_SET_UP, moved).set_up["mark"] == "a1"
+
+
+def test_settings_that_a_twin_has_found_are_proposed_until_they_are_in_force_or_no_longer_so(tmp_path: Path) -> None:
+    bus, plant = StandIn(), LivePlant(Floor(LINE), (), StandIn(), lambda: 0.0)  # type: ignore[arg-type]
+    told = plant._state()
+    bus.replies = {"line/plant/station": msgspec.json.encode(told), "line/plant/setup": msgspec.json.encode(told)}
+    history = LineFile(tmp_path / "history.jsonl", Decision, "a decision of the line")
+    book = Book(tmp_path / "book.jsonl")
+    twin = LiveOverall(LINE, "propose", bus, book, history, monotonic)  # type: ignore[arg-type]
+    send = partial(bus.send_beside, serve=lambda seconds: twin.look())
+    weak = ArmParameters().with_values({"K3": 0.5 * ArmParameters().get("K3")})
+
+    def hear(settings: ArmSettings | None) -> None:
+        """The twin of zone a tells what a1 can do, and the twin of the line looks."""
+        able = StationAbility("a1", "slower" if settings else "all", PLACES, "its motor is weak", settings)
+        well = StationAbility("a2", "all", PLACES, "nothing is wrong")
+        send("a/twin/zone/state", msgspec.json.encode(ZoneState("a", told.time, (able, well))))
+        twin.look()
+
+    def states() -> list[tuple[str, float]]:
+        proposals = book.newest(told.time, 0)
+        return [(each.state, each.request.settle.target_time) for each in proposals if each.request.settle]
+
+    def has(settings: ArmSettings | None) -> None:
+        """The plant tells what the blocks of a1 have."""
+        first, *others = told.stations
+        stations = (msgspec.structs.replace(first, settings=settings), *others)
+        send("line/plant/state", msgspec.json.encode(msgspec.structs.replace(told, stations=stations)))
+        twin.look()
+
+    has(None)
+    hear(None)
+    assert states() == []
+    hear(ArmSettings(2.5, weak))
+    hear(ArmSettings(2.5, weak))
+    assert states() == [("open", 2.5)]
+    hear(ArmSettings(3.0, weak))
+    assert states() == [("expired", 2.5), ("open", 3.0)]
+    made = next(each for each in book.newest(told.time, 0) if each.state == "open")
+    decide(
+        cast(Bus, Asker(send)), ProposalDecision(made.number, made.digest, "ada", "approve"), LINE_DOORS, LINE_BOOK
+    )
+    assert states()[-1] == ("approved", 3.0)
+    assert [each for each in twin.state().decisions if each.who == "ada"][-1].what == "settings"
+    outcome = next(each.outcome for each in book.newest(told.time, 0) if each.number == made.number)
+    assert outcome == "a1 works with 3 s for a motion"
+    hear(ArmSettings(3.5, weak))
+    has(ArmSettings(3.5, weak))
+    assert states()[-1] == ("expired", 3.5), "a person has done it otherwise"
+    asked = ProposalRequest("ai", "try", "settle", settle=FoundSettings("a1", 2.0, "slower"))
+    assert send("line/twin/overall/propose", msgspec.json.encode(asked)) is None
+    assert "kind: expected set-up or diagnosis" in bus.refused[-1][1]
+
+
+class Asker:
+    """The session of a person, whose questions the twin of the line answers."""
+
+    def __init__(self, send: Callable[[str, bytes], Any]) -> None:
+        self._send = send
+
+    def ask(self, topic: Topic, message: Any, reply: type[Any]) -> Any:
+        payload = b"" if message is None else msgspec.json.encode(message)
+        return msgspec.json.decode(self._send(f"line/{topic.name}", payload), type=reply)

@@ -12,8 +12,8 @@ from typing import Final
 
 import msgspec
 
-from dtwin.bus.line.messages import SetUpDone
-from dtwin.bus.line.topics import LINE_DECIDE, LINE_LOOK, SET_UP
+from dtwin.bus.line.messages import LineState, SetUpDone, StationWord
+from dtwin.bus.line.topics import LINE_DECIDE, LINE_LOOK, LINE_SETTLE, SET_UP
 from dtwin.bus.messages import (
     ACKNOWLEDGE,
     ANSWER,
@@ -139,6 +139,14 @@ def _set_up(bus: Bus, proposal: Proposal, who: str) -> str:
     return f"version {done.version} of the set-up in force, {done.effect.rate:.1f} boxes/h expected"
 
 
+def _settle(bus: Bus, proposal: Proposal, who: str) -> str:
+    found = proposal.request.settle
+    assert found is not None
+    why = f"proposal {proposal.number} of {proposal.request.who}: {proposal.request.why}"[:1000]
+    bus.ask(LINE_SETTLE, StationWord(who, why, found.station), LineState)
+    return f"{found.station} works with {found.target_time:g} s for a motion"
+
+
 def _acknowledge(bus: Bus, proposal: Proposal, who: str) -> str:
     for name in proposal.request.parameters:
         bus.ask(ACKNOWLEDGE, AcknowledgeRequest(name), MonitoringVerdict)
@@ -159,7 +167,7 @@ def have_answered(bus: Bus, proposal: Proposal, who: str) -> None:
     bus.ask(ANSWER, AnswerRequest(proposal.number, who), Done)
 
 
-LINE_DOORS: Mapping[Kind, Door] = {"set-up": _set_up, "diagnosis": _agree}
+LINE_DOORS: Mapping[Kind, Door] = {"set-up": _set_up, "settle": _settle, "diagnosis": _agree}
 """What carries out proposals at a line."""
 DOORS: Mapping[Kind, Door] = {"settings": _upload, "acknowledge": _acknowledge, "stop": _stop, "diagnosis": _agree}
 """What one request carries out; an answer takes several and a while: the recovery service has it, if it is there."""

@@ -11,13 +11,14 @@ import msgspec
 
 from dtwin.bus.line.messages import FlowEffect, SetUpRequest
 from dtwin.bus.twin_messages import Upload, UploadRequest
+from dtwin.names import Name
 from dtwin.parameters import Triple
 from dtwin.signals import SCHEMA, Count, Line, Seconds, Word
 
-Kind = Literal["settings", "answer", "acknowledge", "stop", "diagnosis", "set-up"]
+Kind = Literal["settings", "answer", "acknowledge", "stop", "diagnosis", "set-up", "settle"]
 """settings: other settings of the controller; answer: what recovery does about findings; acknowledge: a finding
 counts as normal; stop: a safe stop; diagnosis: words alone, for a person; set-up: which station of a line does
-what."""
+what; settle: the arm of a station of a line works with the settings that its twin has found."""
 KINDS: Final[tuple[Kind, ...]] = get_args(Kind)
 ProposalState = Literal["open", "approved", "declined", "expired"]
 """approved: a person has taken it on, once; what came of it is told afterwards."""
@@ -26,6 +27,20 @@ SHOWN: Final = 20
 FaultName = Annotated[str, msgspec.Meta(pattern="^[A-Za-z]{1,16}[0-9]{0,2}$")]
 """What a finding names: a kind, and a joint for those that befall one."""
 Names = Annotated[tuple[FaultName, ...], msgspec.Meta(max_length=8)]
+
+
+class FoundSettings(msgspec.Struct, frozen=True):
+    """Settings with which the arm of a station of a line can work on, as its twin has found.
+
+    Attributes:
+        station: name of the station.
+        target_time: duration of every motion then, s; the controller has a model of what was found besides.
+        ability: what the arm can do then: all, slower, some places or lighter boxes.
+    """
+
+    station: Name
+    target_time: float
+    ability: Word
 
 
 class ProposalRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
@@ -39,6 +54,7 @@ class ProposalRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEM
         parameters: what the findings name that are answered or acknowledged.
         text: the diagnosis in words.
         set_up: other stations for operations, for the kind set-up alone; `based_on` is the version that was seen.
+        settle: settings for the arm of a station, for the kind settle alone, which only the twins of a line propose.
     """
 
     who: Word
@@ -48,6 +64,7 @@ class ProposalRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEM
     parameters: Names = ()
     text: Line = ""
     set_up: SetUpRequest | None = None
+    settle: FoundSettings | None = None
 
 
 class Effect(msgspec.Struct, frozen=True):

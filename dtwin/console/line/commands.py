@@ -95,8 +95,11 @@ def _of_set_up(form: NewSetUp, state: CellState) -> Zones:
 
 def _of_proposal(form: Seen, state: CellState) -> Zones:
     for proposal in state.proposals:
-        if proposal.number == form.number and proposal.request.set_up is not None:
-            return zones_of_set_up(_told(state), proposal.request.set_up.set_up)
+        request = proposal.request
+        if proposal.number == form.number and request.set_up is not None:
+            return zones_of_set_up(_told(state), request.set_up.set_up)
+        if proposal.number == form.number and request.settle is not None:
+            return _of_station(AtStation(station=request.settle.station), state)
     return ()
 
 

@@ -216,6 +216,9 @@ class LiveOverall:
         self._absence.look(plant.absent, plant.time)
         for zone in self._zones:
             self._look_at(zone)
+        if self._mode == "propose":
+            in_force = {each.name: each.settings for each in plant.stations}
+            self._answers.look_at_settings(self._capability, in_force.__getitem__)
         if self._clock() - self._tried >= _RETRY:
             self._tried = self._clock()
             self.work.retry()

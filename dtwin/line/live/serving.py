@@ -8,6 +8,7 @@ from functools import partial
 from typing import Final, Protocol
 
 from dtwin.bus.line.messages import FlowEffect, LineState, SetUpDone, SetUpQuestion, SetUpRequest, StationWord
+from dtwin.bus.line.plant import ArmSettings
 from dtwin.bus.line.topics import (
     LINE_DECIDE,
     LINE_LOOK,
@@ -20,7 +21,14 @@ from dtwin.bus.line.topics import (
     LINE_STOP,
     SET_UP,
 )
-from dtwin.bus.proposals.messages import LineLook, LookRequest, Proposal, ProposalDecision, ProposalRequest
+from dtwin.bus.proposals.messages import (
+    FoundSettings,
+    LineLook,
+    LookRequest,
+    Proposal,
+    ProposalDecision,
+    ProposalRequest,
+)
 from dtwin.bus.session import Bus
 from dtwin.bus.topics.topic import CHECKED
 from dtwin.errors import DtwinError, ParameterError
@@ -29,6 +37,7 @@ from dtwin.line.live.between import Between
 from dtwin.line.live.pace import Pace
 from dtwin.line.live.seen import line_state, plan_of, plant_state
 from dtwin.line.run import LineRun
+from dtwin.line.twins.node import Capability
 from dtwin.line.twins.overall import Choice
 from dtwin.line.twins.reorganisation import Reorganisation
 from dtwin.simulation.proposals.book import TWIN, Book, check_form
@@ -76,6 +85,8 @@ class Answers:
 
     def __init__(self, line: Line, asked: Asked, book: Book, bus: Bus, between: Between) -> None:
         self._line, self._book = asked, book
+        self._stations = [station.name for station in line.stations]
+        self._laid: dict[str, ArmSettings | None] = {}
         ask = between.ask
         bus.answer(LINE_STATE, LookRequest, None, partial(ask, asked.state))
         bus.answer(LINE_LOOK, LookRequest, None, partial(ask, self._look))
@@ -129,6 +140,35 @@ class Answers:
         if not asked.set_up:
             raise ParameterError("set_up: expected an operation at least that another station shall do")
 
+    def look_at_settings(
+        self, able: Callable[[str], Capability], in_force: Callable[[str], ArmSettings | None]
+    ) -> None:
+        """Lays before a person the settings with which arms could work on, and withdraws those that are no longer so.
+
+        Args:
+            able: tells what the arm of a station can do, as its twin says.
+            in_force: tells what its blocks have in the place of the settings of its cell.
+        """
+        for station in self._stations:
+            found, has = able(station), in_force(station)
+            wanted = None if found.settings == has else found.settings
+            if wanted != self._laid.get(station):
+                self._laid[station] = wanted
+                self._lay_settings(station, found, wanted)
+
+    def _lay_settings(self, station: str, found: Capability, wanted: ArmSettings | None) -> None:
+        time = self._line.time
+        try:
+            self._book.withdraw(station, "other settings are in force, or something else is known of the arm")
+            if wanted is None:
+                return
+            settle = FoundSettings(station, wanted.target_time, found.ability)
+            asked = ProposalRequest(TWIN, f"{found.ability}: {found.why}"[:1000], "settle", settle=settle)
+            self._book.make_room(time, self._line.work.version, TWIN)
+            self._book.add(asked, None, time)
+        except DtwinError as error:
+            log.error("the settings for %s are not proposed: %s", station, error)
+
     def lay(self, choice: Choice, why: str) -> None:
         """Lays before a person what the twins would do."""
         work, time = self._line.work, self._line.time
@@ -159,7 +199,8 @@ class LiveLine:
         self.between = Between(clock, CHECKED)
         self._run, self._clock = run, clock
         self._late = 0
-        run.propose = Answers(run.line, self, book, bus, self.between).lay
+        self._answers = Answers(run.line, self, book, bus, self.between)
+        run.propose = self._answers.lay
 
     @property
     def time(self) -> float:
@@ -204,6 +245,8 @@ class LiveLine:
         pace = Pace(self._clock, realtime)
         while not (self._run.over or stopping()):
             self._run.step()
+            if self._run.settings.twins == "propose":
+                self._answers.look_at_settings(self._run.capability, lambda name: self._run.emulated[name].settings)
             self.between.serve(pace.ahead())
             self._late = pace.late
             report(self._late)

@@ -137,6 +137,12 @@ class Book:
         outcome = decision.text if state == "declined" else ""
         return self._keep(msgspec.structs.replace(found, state=state, by=decision.who, outcome=outcome))
 
+    def withdraw(self, station: str, why: str) -> None:
+        """Ends the open proposals of settings for the arm of a station, because something else is known of it."""
+        for each in [each for each in self._kept.values() if each.state == "open"]:
+            if each.request.settle is not None and each.request.settle.station == station:
+                self._keep(msgspec.structs.replace(each, state="expired", outcome=why))
+
     def _expire(self, time: float, version: int) -> None:
         """Ends the open proposals that are too old, of another run, or on settings that are no longer in force."""
         for each in [each for each in self._kept.values() if each.state == "open"]:
@@ -166,6 +172,8 @@ def check_form(request: ProposalRequest) -> None:
         raise ParameterError(f"proposal: expected at most {LONGEST} bytes, got {size}: use fewer words")
     if (request.set_up is not None) != (kind == "set-up"):
         raise ParameterError(f"set_up: expected one for a set-up alone, proposed is {kind}")
+    if (request.settle is not None) != (kind == "settle"):
+        raise ParameterError(f"settle: expected settings of a station for settle alone, proposed is {kind}")
     if (request.change is not None) != (kind == "settings"):
         raise ParameterError(f"change: expected one for settings alone, proposed is {kind}")
     if bool(request.parameters) != (kind in ("answer", "acknowledge")):

@@ -2,9 +2,11 @@
 import { blocked, commandButton } from "../command.js";
 import { el, number, rebuild, table } from "../dom.js";
 import { store } from "../store.js";
-import { deskReason, twinUnheard, zonesOf } from "./about.js";
+import { deskReason, told, twinUnheard, zonesOf } from "./about.js";
 
 const SHOWN = 5;
+
+const zoneOf = (name) => told()?.stations.find((station) => station.name === name)?.zone ?? "";
 
 export function makeProposals() {
   const node = el("div", { class: "scroll stack", tabindex: "0", role: "region", "aria-label": "Proposals" });
@@ -26,10 +28,12 @@ export function makeProposals() {
     const came = [became, by, outcome].filter(Boolean).join(", ");
     const parts = [el("p", {}, open ? el("span", { class: "tag warn" }, `△ ${count}. waits for a person`) : `${count}. ${came}:`, ` ${request.kind} by ${request.who}, ${number(time, 1)} s`)];
     if (flow) parts.push(el("p", {}, flow.difference.join("; ") || "nothing changes"));
+    const { settle } = request;
+    if (settle) parts.push(el("p", {}, `${settle.station} works on with ${number(settle.target_time, 2)} s for a motion: it can do ${settle.ability} then`));
     if (open) {
       const form = () => ({ number: count, digest });
       const changes = request.set_up?.set_up ?? {};
-      const reason = (name) => () => blocked(name) || deskReason(zonesOf(changes));
+      const reason = (name) => () => blocked(name) || deskReason(settle ? [zoneOf(settle.station)] : zonesOf(changes));
       const made = [
         commandButton({ name: "approve", title: `Approve ${count}`, confirm: `What is shown of proposal ${count} is carried out in your name.`, form, reason: reason("approve") }),
         commandButton({ name: "decline", title: `Decline ${count}`, form, reason: reason("decline") }),

@@ -45,8 +45,8 @@ from dtwin.line_file import LineFile
 from dtwin.parameters import ArmParameters
 from dtwin.signals import Sensors
 from dtwin.simulation.proposals.book import Book
-from tests.line.hostile.stand_in import StandIn, damaged
 from tests.support.examples import examples
+from tests.support.stand_in import StandIn, damaged
 
 LINE = line_of("default")
 OTHER_WAY = {**LINE.assignment, "mark": "a1"}
