@@ -173,9 +173,7 @@ class LiveOverall:
         self._lost: set[str] = set()
         self._plant: PlantState | None = None
         self._holding = threading.Lock()
-        doors = Doors(self._tell, self._now, self._note, self._propose)
-        asking = ThreadPoolExecutor(len(self._zones))  # while one zone reckons for one way, the next does for another
-        self.work = Reorganisation(line, mode, self._zones, doors, asking.map)
+        self.work = Reorganisation(line, mode, self._zones, Doors(self._tell, self._now, self._note, self._propose))
         self._answers = Answers(line, self, book, bus, self._between)
         self._hold = believed(partial(check_plant_state, line), self._take)
         bus.subscribe(PLANT_STATE, PlantState, self._hold)

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Protocol
 
 from dtwin.bus.line.plant import Passing
@@ -39,11 +38,6 @@ class Zone(Protocol):
         """Boxes an hour that leave the zone when there are always more, and room for them."""
 
 
-Share = tuple[tuple[str, ...], ...]
-"""The operations of each zone."""
-Spread = Callable[[Callable[[Share], dict[str, Flow] | None], Iterable[Share]], Iterable[dict[str, Flow] | None]]
-
-
 @dataclass(frozen=True, slots=True)
 class Choice:
     """What the twin of the line would have the zones do.
@@ -65,11 +59,10 @@ class OverallTwin:
     Args:
         line: the line.
         zones: the twins of its zones, in their order.
-        spread: like `map`; it may ask zones in other processes at the same time.
     """
 
-    def __init__(self, line: Line, zones: Sequence[Zone], spread: Spread = map) -> None:
-        self._line, self._zones, self._spread = line, zones, spread
+    def __init__(self, line: Line, zones: Sequence[Zone]) -> None:
+        self._line, self._zones = line, zones
 
     def choose(self, now: Assignment, refused: Sequence[Assignment] = ()) -> Choice | None:
         """The best way to share the operations out among the zones; None if they cannot all be done.
@@ -82,8 +75,8 @@ class OverallTwin:
             refused: what the zones have refused.
         """
         found: list[tuple[Assignment, float, str]] = []
-        ways = _shares([operation.name for operation in self._line.operations], len(self._zones))
-        for flows in self._spread(partial(self._flows, now=now), ways):
+        for shares in _shares([operation.name for operation in self._line.operations], len(self._zones)):
+            flows = self._flows(shares, now)
             if flows is None:
                 continue
             whole = {name: station for flow in flows.values() for name, station in flow.assignment.items()}
@@ -98,7 +91,7 @@ class OverallTwin:
         why = f"{rate:.1f} boxes/h of {len(found)} possible ways, the slowest zone is {slow}"
         return Choice(dict(assignment), rate, why)
 
-    def _flows(self, shares: Share, now: Assignment) -> dict[str, Flow] | None:
+    def _flows(self, shares: Sequence[tuple[str, ...]], now: Assignment) -> dict[str, Flow] | None:
         """The best that each zone with something to do makes of its share, with the boxes that the ones before let
         through; None if one cannot do it."""
         flows: dict[str, Flow] = {}
@@ -123,7 +116,7 @@ def predicted(line: Line, times: Mapping[str, WorkTimes], assignment: Assignment
     return simulated(replace(line, assignment=dict(assignment)), times, horizon)
 
 
-def _shares(operations: Sequence[str], zones: int) -> list[Share]:
+def _shares(operations: Sequence[str], zones: int) -> list[tuple[tuple[str, ...], ...]]:
     """All ways to cut a row of operations into one part for each zone, which may be empty."""
     found = []
     for cuts in itertools.combinations_with_replacement(range(len(operations) + 1), zones - 1):

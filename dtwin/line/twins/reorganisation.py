@@ -12,7 +12,7 @@ from dtwin.bus.line.messages import FlowEffect, ZoneFlow
 from dtwin.errors import ParameterError, UnansweredError, choices
 from dtwin.line.line import Assignment, Line
 from dtwin.line.twins.decisions import Decision, Mode, Note
-from dtwin.line.twins.overall import Choice, OverallTwin, Spread, Zone, changed
+from dtwin.line.twins.overall import Choice, OverallTwin, Zone, changed
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,16 +41,15 @@ class Reorganisation:
         mode: what the twins may do.
         zones: the twins of the zones, in their order.
         doors: what it needs of the rest.
-        spread: like `map`; it may ask zones in other processes at the same time.
 
     Attributes:
         assignment: which station does what now.
         version: number of set-ups since the start.
     """
 
-    def __init__(self, line: Line, mode: Mode, zones: Sequence[Zone], doors: Doors, spread: Spread = map) -> None:
+    def __init__(self, line: Line, mode: Mode, zones: Sequence[Zone], doors: Doors) -> None:
         self._line, self._mode, self._zones, self._doors = line, mode, zones, doors
-        self._overall = OverallTwin(line, zones, spread)
+        self._overall = OverallTwin(line, zones)
         self._pending: tuple[Assignment, str, str] | None = None
         self._impossible = ""
         self.assignment: Assignment = dict(line.assignment)
