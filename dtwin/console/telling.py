@@ -6,6 +6,7 @@ from typing import Literal
 
 import msgspec
 
+from dtwin.bus.chain.shapes import JointShape
 from dtwin.bus.messages import Latency
 from dtwin.bus.proposals.messages import Proposal
 from dtwin.bus.twin_messages import IdentificationState, MonitoringVerdict, Upload, WatchState
@@ -89,32 +90,6 @@ def spots(task: Task) -> dict[str, Spot]:
     return found
 
 
-class JointFace(msgspec.Struct, frozen=True):
-    """A joint of another arm than the thesis's, as it is drawn.
-
-    Attributes:
-        name: its name.
-        turns: whether its position is an angle (rad) and not a length (m).
-        command: unit of the command of its drive.
-        lower: least position; None for none.
-        upper: largest position; None for none.
-        limit: largest command of its drive; None for none.
-        rotation: attitude of its frame in that of the joint before at position 0, row by row, (9,).
-        translation: its origin there, (3,), m.
-        axis: its axis in its own frame, (3,).
-    """
-
-    name: str
-    turns: bool
-    command: str
-    lower: float | None
-    upper: float | None
-    limit: float | None
-    rotation: Values
-    translation: Values
-    axis: Values
-
-
 class ModelFace(msgspec.Struct, frozen=True):
     """The newest entry in the history of an arm's settings; the attributes are those of `JointUpload`."""
 
@@ -190,7 +165,7 @@ class CellState(msgspec.Struct, frozen=True, tag_field="tell", tag="state"):
     places: dict[str, Spot] = {}
     events: tuple[Event, ...] = ()
     conditions: tuple[Condition, ...] = ()
-    joints: tuple[JointFace, ...] = ()
+    joints: tuple[JointShape, ...] = ()
     tool: Values = ()
     points: dict[str, Values] = {}
     model: ModelFace | None = None

@@ -12,10 +12,14 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Page, expect
 
+from dtwin.line.file import line_of
+from dtwin.parameters import ROOT
+from evidence.line.otherwise import Otherwise
 from tests.console.test_accessibility import RULES
-from tests.support.made_up_line import ServedLine, serve_line
+from tests.support.made_up_line import FakeLine, ServedLine, serve_line
 from tests.support.pages.hand import SLOW
 
+OTHER = {"a2": "planar-2r", "b1": "six-axis"}
 FOREIGN = "<img src=x onerror=alert(1)> & <b>bold</b>"
 TALLER = (
     "() => document.documentElement.scrollHeight > innerHeight || document.documentElement.scrollWidth > innerWidth"
@@ -70,6 +74,28 @@ def test_the_line_is_shown_and_a_zone_and_a_station_are_selected(page: Page, ser
     expect(page.locator(".readings dd").first).to_have_text("0.10", timeout=SLOW)
     served.clock.ahead += 1.5  # and no reading comes
     expect(page.get_by_text("▲ stale: last sample")).to_be_visible()
+
+
+ARMS = Otherwise(cells=tuple((at, str(ROOT / f"lines/cells/{arm}.toml")) for at, arm in OTHER.items()))
+
+
+def test_an_arm_of_another_kind_is_drawn_with_the_joints_that_it_has(
+    tmp_path: Path, open_page: Callable[..., Page]
+) -> None:
+    made = FakeLine(line=ARMS.applied(line_of("default")))
+    with serve_line(tmp_path, line=made) as served:
+        for station, joints in (("a2", 2), ("b1", 6)):
+            page = open_page(served.web.address, f"station/{station}")
+            expect(page.get_by_role("heading", name=f"Station {station}")).to_be_visible(timeout=SLOW)
+            expect(page.locator(".joints .readings")).to_have_count(joints, timeout=SLOW)
+            for number in range(1, 500):
+                made.sample_joints(station, number, (0.4, -0.5, 0.6, 0.2, 0.3, -0.1)[:joints])
+                if page.get_by_text("● live, ").count():
+                    break
+            first = page.locator(".readings").first.locator("dd")
+            expect(first).to_have_text(["0.40", "10.0", "0.50" if joints == 2 else "0.5"], timeout=SLOW)
+            assert not page.evaluate(TALLER)
+    made.bus.close()
 
 
 def test_two_people_have_a_desk_each_and_command_their_own_zone(

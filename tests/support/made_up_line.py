@@ -11,6 +11,7 @@ from typing import Any
 
 import msgspec
 
+from dtwin.bus.chain.messages import JointCommands, JointSensors
 from dtwin.bus.line.messages import (
     FlowEffect,
     LineDecision,
@@ -38,10 +39,10 @@ from dtwin.bus.line.topics import (
     PLANT_WORD,
     SET_UP,
 )
-from dtwin.bus.messages import SENSORS
+from dtwin.bus.messages import JOINT_COMMANDS, JOINT_SENSORS, SENSORS
 from dtwin.bus.opening import open_peer
 from dtwin.bus.proposals.messages import LineLook, LookRequest, Proposal, ProposalDecision, ProposalRequest
-from dtwin.bus.session import Bus
+from dtwin.bus.session import Bus, Publisher
 from dtwin.console.clocks import Clocks
 from dtwin.console.commands import Files
 from dtwin.console.line.annunciator import LineAnnunciator
@@ -53,6 +54,7 @@ from dtwin.console.people.users import Users
 from dtwin.console.web.listening import Listening, Web
 from dtwin.errors import ParameterError
 from dtwin.line.file import line_of
+from dtwin.line.line import Line
 from dtwin.line.live.seen import plan_of
 from dtwin.signals import Sensors
 from tests.support.console import Clock, Visitor
@@ -106,21 +108,25 @@ class FakeLine:
         meet: where it is joined.
         clock: clock of its desks.
         state: how it does.
+        line: the line as it was built.
         asked: what it was told.
         proposals: what waits, and what became of it.
         twin: whether the twin of the line answers, and not the plant alone.
+        joints: what sends readings and answers of arms of another kind, by their stations.
     """
 
     meet: str = field(default_factory=lambda: f"tcp/127.0.0.1:{free_port()}")
     clock: Callable[[], float] = time.monotonic
     state: LineState = field(default_factory=state_now)
+    line: Line = field(default_factory=lambda: line_of("default"))
     asked: list[Any] = field(default_factory=list)
     proposals: tuple[Proposal, ...] = ()
     twin: bool = True
+    joints: dict[str, tuple[Publisher, Publisher]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.bus = Bus(open_peer(self.meet), "line", "line")
-        answer, plan = self.bus.answer, plan_of(line_of("default"))
+        answer, plan = self.bus.answer, plan_of(self.line)
         answer(PLANT_WORD, PlantWord, self._obey)
         if not self.twin:
             self.bus.announce("plant")
@@ -210,6 +216,16 @@ class FakeLine:
     def sample(self, name: str, number: int) -> None:
         """Sends a reading of a station's arm."""
         self.arms[name](Sensors(number, 0.01 * number, (0.1, 0.2, 0.3), 0.9, True, "blue"))
+
+    def sample_joints(self, name: str, number: int, positions: tuple[float, ...]) -> None:
+        """Sends a reading of a station's arm of another kind, which is a hundredth off its path, and what answers."""
+        bus = self.bus.beside(name)
+        at, path = 0.01 * number, tuple(each - 0.01 for each in positions)
+        if name not in self.joints:
+            self.joints[name] = bus.publisher(JOINT_SENSORS), bus.publisher(JOINT_COMMANDS)
+        sensors, commands = self.joints[name]
+        sensors(JointSensors(number, at, positions))
+        commands(JointCommands(number, at, tuple(0.5 for _ in positions), path, True))
 
 
 @dataclass

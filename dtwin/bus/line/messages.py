@@ -9,6 +9,8 @@ from typing import Annotated, Final, Literal
 
 import msgspec
 
+from dtwin.bus.chain.messages import MOST_JOINTS
+from dtwin.bus.chain.shapes import JointShape
 from dtwin.names import Name
 from dtwin.signals import SCHEMA, Count, Line, Seconds, Word
 
@@ -180,11 +182,17 @@ class StationPlace(msgspec.Struct, frozen=True):
         name: its name.
         node: node of its dock.
         places: where boxes wait and belong in its cell, m from joint 1, by the names of the places.
+        joints: the joints of an arm of another kind than the usual one, from the base on; empty for the usual one.
+        tool: the tool of such an arm in the frame of its last joint, (3,), m.
+        points: where boxes wait and belong for such an arm, (3,), m, in the frame of its base.
     """
 
     name: Word
     node: Word
     places: dict[Word, Point] = {}
+    joints: Annotated[tuple[JointShape, ...], msgspec.Meta(max_length=MOST_JOINTS)] = ()
+    tool: tuple[float, ...] = ()
+    points: dict[Word, tuple[float, ...]] = {}
 
 
 class BufferPlace(msgspec.Struct, frozen=True):

@@ -9,6 +9,7 @@ import msgspec
 from dtwin.arm.chain import Arm
 from dtwin.arm.sorting import Sorting
 from dtwin.bus.chain.messages import JointCommands, JointSensors, JointTicks, JointUpload
+from dtwin.bus.chain.shapes import joint_shapes
 from dtwin.bus.messages import ARM_UPLOAD, JOINT_COMMANDS, JOINT_SENSORS, JOINT_TICKS, RECOVERY_LOOK
 from dtwin.bus.pairs import Pairs
 from dtwin.bus.proposals.deciding import ARM
@@ -16,7 +17,7 @@ from dtwin.bus.proposals.messages import RecoveryLook
 from dtwin.bus.session import Bus, Subscription
 from dtwin.bus.twin_messages import MonitoringVerdict
 from dtwin.console.chain.commands import CHAIN_COMMANDS
-from dtwin.console.chain.faces import joint_faces, points_of
+from dtwin.console.chain.faces import points_of
 from dtwin.console.clocks import Clocks
 from dtwin.console.conditions import conditions, doing
 from dtwin.console.hub import BEHIND, KEPT_EVERY, Hub
@@ -45,7 +46,7 @@ class ChainHub(Hub):
     ) -> None:
         super().__init__(bus, cell, name, clocks)
         self.joints = len(arm)
-        self._faces = joint_faces(arm)
+        self._faces = joint_shapes(arm)
         self._tool = tuple(map(float, arm.tool))
         self._points = points_of(sorting)
         self._sample: JointSensors | None = None

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 
 import msgspec
 
-from dtwin.bus.messages import PATH, SENSORS, VOLTAGES, Path
+from dtwin.bus.chain.messages import JointCommands, JointSensors
+from dtwin.bus.messages import JOINT_COMMANDS, JOINT_SENSORS, PATH, SENSORS, VOLTAGES, Path
 from dtwin.bus.pairs import Pairs
 from dtwin.bus.session import Bus, Subscription
 from dtwin.console.hub import BEHIND
@@ -30,7 +31,7 @@ class StationFace(msgspec.Struct, frozen=True, tag_field="tell", tag="station"):
 
 @dataclass
 class _Watched:
-    """What is heard of one arm."""
+    """What is heard of one arm: of the usual one, or of one of another kind."""
 
     subscriptions: list[Subscription]
     sensors: Sensors | None = None
@@ -38,6 +39,9 @@ class _Watched:
     heard: tuple[float, float] = (0.0, 0.0)
     pairs: Pairs[Sensors, Path] = field(default_factory=Pairs)
     on_path: tuple[Sensors, Path] | None = None
+    joints: JointSensors | None = None
+    answered: Pairs[JointSensors, JointCommands] = field(default_factory=Pairs)
+    tick: tuple[JointSensors, JointCommands] | None = None
 
 
 class Stations:
@@ -68,6 +72,8 @@ class Stations:
         if found is None:
             return None
         newest, acted = found.sensors, found.acted
+        if found.joints is not None:
+            return StationFace(name, self._frame_of_joints(found, found.joints))
         if newest is None:
             return StationFace(name, Frame())
         # A position and a path of two samples would look like a distance from the path.
@@ -89,6 +95,21 @@ class Stations:
             ),
         )
 
+    def _frame_of_joints(self, found: _Watched, newest: JointSensors) -> Frame:
+        """An arm of another kind at the last sample whose answer is known, or else at its last one."""
+        tick = found.tick
+        kept = tick is not None and 0 <= newest.sequence - tick[0].sequence < BEHIND
+        sample, command = tick if tick is not None and kept else (newest, None)
+        return Frame(
+            sample.time,
+            round(max(0.0, self._steady() - found.heard[0]), 3),
+            round(1e3 * found.heard[1], 1),
+            sample.theta,
+            None if command is None else command.target,
+            volts=None if command is None else command.commands,
+            gripped=command is not None and command.gripped,
+        )
+
     def _listen(self, name: str) -> _Watched:
         watched, bus = _Watched([]), self._bus.beside(name)
 
@@ -104,7 +125,18 @@ class Stations:
         def take_acted(acted: Voltages) -> None:
             watched.acted = acted
 
+        def take_joints(sample: JointSensors) -> None:
+            watched.joints, watched.heard = sample, (self._steady(), self._wall())
+            with self._pairing:
+                watched.tick = watched.answered.first(sample) or watched.tick
+
+        def take_commands(answer: JointCommands) -> None:
+            with self._pairing:
+                watched.tick = watched.answered.second(answer) or watched.tick
+
         watched.subscriptions = [
+            bus.subscribe(JOINT_SENSORS, JointSensors, take_joints),
+            bus.subscribe(JOINT_COMMANDS, JointCommands, take_commands),
             bus.subscribe(SENSORS, Sensors, take_sensors),
             bus.subscribe(VOLTAGES, Voltages, take_acted),
             bus.subscribe(PATH, Path, take_path),

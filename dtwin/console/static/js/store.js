@@ -42,7 +42,7 @@ function rowOf(frame) {
   return [frame.time, ...OF_JOINTS.flatMap(of), or(frame.evidence), or(frame.threshold)];
 }
 
-const THREE = numbers(3).map((joint) => ({ name: `joint ${joint}`, turns: true, command: "V", lower: -Math.PI, upper: Math.PI, limit: 8 }));
+export const THREE = numbers(3).map((joint) => ({ name: `joint ${joint}`, turns: true, command: "V", lower: -Math.PI, upper: Math.PI, limit: 8 }));
 
 class Store extends EventTarget {
   constructor() {
@@ -93,6 +93,7 @@ class Store extends EventTarget {
   takeStation({ name, frame }) {
     if (this.station.name !== name) this.forgetStation();
     Object.assign(this.station, { name, frame, received: performance.now() });
+    if (frame.theta && frame.theta.length !== this.station.trends.joints) this.station.trends = new Trends(frame.theta.length);
     if (frame.theta) this.station.trends.add(rowOf(frame));
   }
   tell(kind) { this.dispatchEvent(new Event(kind)); }

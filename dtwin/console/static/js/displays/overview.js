@@ -4,12 +4,12 @@ import { commandButton } from "../command.js";
 import { drawArm } from "../arm.js";
 import { chainView, drawChain } from "../chain.js";
 import { drawIndicators } from "../indicator.js";
+import { commandOf, DASHES, spanOf, titled } from "../joints.js";
 import { drawTrend } from "../trend.js";
 import { store } from "../store.js";
 
 const FAR = 100;
 const DIGITS = [3, 1, 2];
-const DASHES = ["—", "– –", "· ·", "– ·", "- -", "··", "— -"];
 
 export function makeOverview() {
   const joints = store.joints;
@@ -93,18 +93,6 @@ export function makeOverview() {
     });
   }
   return { node, state, draw };
-}
-
-const titled = (name) => name.charAt(0).toUpperCase() + name.slice(1);
-/** The scale of a position, a fifth wider than its range. */
-function spanOf({ lower, upper }) {
-  const [low, high] = [lower ?? -Math.PI, upper ?? Math.PI];
-  const room = 0.1 * (high - low);
-  return { low: low - room, high: high + room, limits: [lower, upper].filter((value) => value != null && Math.abs(value) < Math.PI - 1e-9) };
-}
-function commandOf({ limit }, value) {
-  if (limit == null) return { low: -1, high: 1, value };
-  return { low: -1.125 * limit, high: 1.125 * limit, value, limits: [-limit, limit] };
 }
 
 const GOOD = ["running", "waiting"];
