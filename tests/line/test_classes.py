@@ -205,8 +205,9 @@ def test_a_line_gives_a_weak_arm_its_light_boxes_and_brings_the_heavy_ones_elsew
     run.run()
     said = [(decision.who, decision.what) for decision in run.course.decisions]
     assert said == [("monitor of a2", "finding"), ("twin of a2", "settings"), ("overall twin", "set-up")]
-    assert "a2 can do lighter boxes: mark.heavy from a2 to a1" in run.course.decisions[-1].why
-    assert run.work.assignment == SHARED
+    why = "a2 can do lighter boxes: deburr.light from a1 to a2, mark.heavy from a2 to a1"
+    assert why in run.course.decisions[-1].why
+    assert run.work.assignment == {**SHARED, "deburr.light": "a2"}
     after = [event for event in run.course.events if event.kind == "work" and event.time > 66.0]
     assert {event.box % 2 for event in after if event.who == "a2"} == {1}
     assert {(event.box % 2, event.who) for event in after if event.text == "mark"} == {(1, "a2"), (0, "a1")}

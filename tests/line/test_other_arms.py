@@ -11,13 +11,13 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from dtwin.bus.chain.messages import JointCommands, JointSensors, JointTick
+from dtwin.bus.chain.messages import JointCommands, JointSensors, JointTick, JointTicks
 from dtwin.bus.line.plant import PlantState
 from dtwin.bus.line.topics import PLANT_SET_UP
 from dtwin.bus.messages import FAULT, JOINT_SENSORS, Done, FaultRequest
 from dtwin.bus.opening import open_peer
 from dtwin.bus.session import Bus
-from dtwin.errors import DtwinError
+from dtwin.errors import DtwinError, ParameterError
 from dtwin.line.chain.cell import arm_cell, chain_settings
 from dtwin.line.chain.station import ChainStation
 from dtwin.line.file import line_of
@@ -261,8 +261,8 @@ def test_a_log_of_what_is_heard_begins_anew_after_lost_ticks(line: Line) -> None
             )
 
         follower.take(ticks(0, 10))
-        follower.take(ticks(10, 10, joints=3))
-        assert len(follower.log) == 10, "nobody knows which joints these are of"
+        with pytest.raises(ParameterError, match="tick: expected 2 joints, got 3"):
+            follower._check(JointTicks(ticks(10, 10, joints=3)))
         follower.take(ticks(25, 10))
         assert (follower.log.forgotten, len(follower.log)) == (25, 35)
         follower.forget(0.05)
