@@ -9,6 +9,7 @@ import random
 import sys
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -33,8 +34,10 @@ from dtwin.bus.line.situation import PlantSituation
 from dtwin.bus.messages import Acted, FaultRequest, PassedTick, PassedTicks
 from dtwin.bus.proposals.messages import LookRequest, ProposalDecision, ProposalRequest
 from dtwin.console.people.desk import keep_zone_desks
+from dtwin.errors import CommunicationError
 from dtwin.line.file import line_of
 from dtwin.line.floor import Floor
+from dtwin.line.live.between import Between
 from dtwin.line.live.overall import LiveOverall
 from dtwin.line.live.plant import LivePlant
 from dtwin.line.live.zone import LiveZone
@@ -239,6 +242,11 @@ State = Callable[[dict[str, Any]], bytes]
 STATES: dict[str, tuple[State, str, str]] = {
     "no bytes": (lambda tree: b"", "malformed", "truncated"),
     "no text": (lambda tree: b"\xff\xfe", "malformed", "malformed"),
+    "a broken name": (
+        lambda tree: encode(tree).replace(b'"deburr"', b'"de\x8curr"', 1),
+        "malformed",
+        "can't decode byte 0x8c",
+    ),
     "no number": (lambda tree: encode(tree).replace(b'"rate":0.0', b'"rate":NaN', 1), "malformed", "malformed"),
     "a number beyond all": (lambda tree: encode({**tree, "time": 0}).replace(b'"time":0', b'"time":1e999'), "", ""),
     "too deep": (
@@ -327,6 +335,22 @@ def test_the_word_of_a_wrong_zone_or_about_a_wrong_arm_changes_nothing(plant: Pl
         plant.send(key, encode(message))
     assert len(plant.bus.refused) == before + 3
     assert not any(state.report.stop for state in plant.floor.plant.stations.values())
+
+
+def test_a_question_that_fails_ends_no_thread_and_one_that_came_too_late_is_not_done() -> None:
+    between, done = Between(time.monotonic, 0.05), list[str]()
+
+    def fail() -> None:
+        raise KeyError("z9")
+
+    with pytest.raises(CommunicationError, match="the line is busy"):
+        between.ask(done.append, "late")
+    with ThreadPoolExecutor(1) as pool:
+        asked = pool.submit(Between.ask, between, fail)
+        while not asked.done():
+            between.serve(0.002)
+    assert isinstance(asked.exception(), KeyError)
+    assert done == []
 
 
 def test_samples_of_no_arm_and_of_an_arm_that_begins_anew_end_no_twin(plant: PlantPart) -> None:
