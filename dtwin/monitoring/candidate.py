@@ -3,7 +3,8 @@
 A candidate goes back to the estimate before the suspected onset, is allowed its change - a wide prior on one or a few
 parameters, a joint that stands still, a torque of unknown cause, commands that come late, an encoder that has
 stopped - and follows the samples since. The likelihood of the readings, which charges for width by itself, is what
-speaks for it, and its state tells the size of the change: no linearisation in the size is left.
+speaks for it, and its state tells the size of the change: no linearisation in the size is left. What the normal
+distribution of a size charges for a very large one is given back: sizes have the tails of Cauchy's distribution.
 """
 
 from __future__ import annotations
@@ -117,11 +118,14 @@ class Candidate:
         self._states = (self._lost,) if self._lost else tuple(spreads)
         for name in self._states:
             estimator.remember(name)
+        self._sizes = {name: size for name, size in spreads.items() if name != "payload"}
+        self._tails = 0.0
         self._box: Change | None = None
         self._told: FaultId | None = None
         self._cause: tuple[str, ...] | None = None
         for name, change in (expected or {}).items():
             estimator.shift(name, change)
+        self._begun = {name: float(estimator.x[INDEX[name]]) for name in self._sizes}
         match hypothesis:
             case "hold" if not delay:
                 estimator.lock(fault.joint)
@@ -159,6 +163,8 @@ class Candidate:
         if not math.isfinite(gain):
             self.gain = -math.inf
         elif moment.counts and news:
+            tails = self._given_back()
+            gain, self._tails = gain + tails - self._tails, tails
             self.gain += gain
             self.peak = max(self.peak, gain)
             self.misfit = misfit_after(self.misfit, estimator.score, estimator.information, used)
@@ -228,6 +234,17 @@ class Candidate:
     def beside(self, other: FaultId, sizes: dict[str, float]) -> Candidate:
         """The same jump from the same onset, together with another."""
         return Candidate(self.fault, self.onset, sizes, delay=self._first_delay, other=other)
+
+    def _given_back(self) -> float:
+        """What the tails of Cauchy's distribution charge less than those of a normal one for changes so large.
+
+        A box, whose mass starts from several values, has nothing given back.
+        """
+        x, given = self.estimator.x, 0.0
+        for name, size in self._sizes.items():
+            square = ((float(x[INDEX[name]]) - self._begun[name]) / size) ** 2
+            given += max(0.5 * square - math.log1p(square), 0.0)
+        return given
 
     def _catch(self) -> None:
         """The jaws hold the lost box again: what they are about to grip is the box that there was."""

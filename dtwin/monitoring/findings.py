@@ -148,7 +148,7 @@ class Findings:
             told = [self._finding(candidate, name, pending.confidence, pending.detected) for name in sure]
         named = {found.parameter for found in told}
         instead = tuple(name for name in pending.others if name not in named)
-        settled = [msgspec.structs.replace(found, others=instead) for found in told]
+        settled = [msgspec.structs.replace(found, others=instead, follows=pending.follows) for found in told]
         after = [self._settle(time, candidate, found) for found in settled]
         jumped = [each.jumped for each in after if each.jumped]
         forget = tuple(name for each in after for name in each.forget)

@@ -35,7 +35,7 @@ _FEW: Final = 2
 """onsets of which the rarer causes are tried"""
 _RECENT: Final = 100
 """samples since an onset up to which a push, a caught box or two changes at once are noticed"""
-PUSHES: Final = (2, 5, 10, 20, 40)
+PUSHES: Final = (2, 5, 10, 20, 40, 80)
 """samples that a push may last"""
 CAUGHT: Final = (5, 10, 20)
 """samples after which a box that slips may be held again"""

@@ -1,4 +1,4 @@
-"""Work with effects around the plant, commissioned and watched as a real arm is: alarms, names and how sure they are."""
+"""Work with effects around the plant, commissioned and watched as a real arm is: alarms, names and confidence."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from dtwin.controller.settings import ControlSettings
 from dtwin.emulation.emulation import Emulation
 from dtwin.errors import IdentificationError
 from dtwin.identification.machine.judged import identify_machine, record_of
-from dtwin.identification.machine.record import Grade, MachineRecord
+from dtwin.identification.machine.record import MachineRecord
 from dtwin.identification.machine.sensors import check_sensors
 from dtwin.logs.collecting import RunLog
 from dtwin.logs.log import Log
 from dtwin.monitoring.calibration import watched
-from dtwin.monitoring.estimation.belief import Belief, assumed, commissioned
+from dtwin.monitoring.estimation.belief import Belief, assumed
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import stream
 from dtwin.monitoring.verdict import Finding
@@ -28,7 +28,7 @@ from dtwin.services.monitoring import UNHEARD
 from dtwin.signals import EventKind, StepRecord
 from tests.outside.around import Around
 from tests.outside.effect import Effect, later, nothing, since
-from tests.outside.table import EFFECTS, FAULTS, NAMES
+from tests.outside.table import EFFECTS, FAULTS
 
 IDENTIFIED_FROM: Final = 120.0
 """Plant time of the log that an arm is identified from, the first part of the one that its monitor learns from, s."""
@@ -37,7 +37,7 @@ LEARNED_FROM: Final = 600.0
 SHIFT: Final = 20.0
 """Minutes of work that are watched by one monitor."""
 BEGINS: Final = 25.0
-"""Plant time by which faults begin later than their table says, s: nothing is said of an arm that has hardly moved."""
+"""Plant time by which faults begin later than their table says, s: the monitor first has to see the arm move."""
 STARTS: Final = 5.0
 """Plant time at which the faults of the table begin at the earliest, s."""
 FOLLOWED: Final = 25.0
@@ -200,8 +200,3 @@ def _followed(belief: Belief, log: Log, acknowledged: bool) -> Monitor:
 def data_sheet() -> Belief:
     """What is believed of an arm that was never commissioned."""
     return assumed(ArmParameters(), UNHEARD)
-
-
-def known(record: MachineRecord | str) -> tuple[Belief | None, Grade, str]:
-    """The belief that a record leads to, with its grade; none, and why, if there is no record."""
-    return (None, "unusable", record) if isinstance(record, str) else (commissioned(record), record.grade, "")
