@@ -20,7 +20,7 @@ from dtwin.monitoring.estimation.arrays import Change
 from dtwin.monitoring.estimation.estimator import HANDLING, Estimator
 from dtwin.monitoring.estimation.layout import INDEX, PAYLOAD
 from dtwin.monitoring.estimation.traces import STANDSTILL
-from dtwin.monitoring.kinds import FaultId, reference
+from dtwin.monitoring.kinds import DRIFT, FaultId, reference
 from dtwin.monitoring.signatures import Onset
 from dtwin.monitoring.tracking.moments import Moment, Moments
 
@@ -74,6 +74,8 @@ class Candidate:
             ends; what jumps does so at an unknown time up to the next onset if this is 0.
         other: what else changed at the same time; both are jumps.
         caught: samples after which a lost box is held again, somewhat otherwise; 0 for never.
+        slips: whether an encoder of another scale was right up to the onset, since it errs by a share of all motion
+            from there on, as one whose disk slips.
 
     Attributes:
         caught: samples after which the lost box is held again, 0 for never.
@@ -94,8 +96,10 @@ class Candidate:
         delay: int = 0,
         other: FaultId | None = None,
         caught: int = 0,
+        slips: bool = False,
     ) -> None:
         self.fault, self.other, self.onset = fault, other, onset
+        self._slips = slips
         self.gain = -RARER if other else 0.0
         self.peak = 0.0
         self.misfit = self.worst = 1.0
@@ -112,7 +116,7 @@ class Candidate:
             opened = (*opened, str(other))
         self.estimator = estimator = onset.estimator.copy()
         spreads = {name: sizes[name] for name in opened}
-        self._spreads = {name: size * max(self._opening, 1) ** -0.5 for name, size in spreads.items()}
+        self._spreads = {self._moved(name): size * max(self._opening, 1) ** -0.5 for name, size in spreads.items()}
         if hypothesis == "scale":
             estimator.scale(fault.joint)
         self._states = (self._lost,) if self._lost else tuple(spreads)
@@ -124,7 +128,7 @@ class Candidate:
         self._told: FaultId | None = None
         self._cause: tuple[str, ...] | None = None
         for name, change in (expected or {}).items():
-            estimator.shift(name, change)
+            estimator.shift(self._moved(name), change)
         self._begun = {name: float(estimator.x[INDEX[name]]) for name in self._sizes}
         match hypothesis:
             case "hold" if not delay:
@@ -229,11 +233,16 @@ class Candidate:
         if not begun.gripped:
             start["payload"] = begun.box_mass
         found = {name: change.value - start[name] for name, change in self.changes().items() if not self._lost}
-        return Candidate(self.fault, self.onset, sizes, found, self._first_delay, self.other, self.caught)
+        how = (found, self._first_delay, self.other, self.caught, self._slips)
+        return Candidate(self.fault, self.onset, sizes, *how)
 
     def beside(self, other: FaultId, sizes: dict[str, float]) -> Candidate:
         """The same jump from the same onset, together with another."""
         return Candidate(self.fault, self.onset, sizes, delay=self._first_delay, other=other)
+
+    def _moved(self, name: str) -> str:
+        """The state by which another one is told to change: the share of a disk that slips offsets nothing at once."""
+        return self.fault.named(DRIFT) if self._slips else name
 
     def _given_back(self) -> float:
         """What the tails of Cauchy's distribution charge less than those of a normal one for changes so large.
