@@ -241,7 +241,7 @@ class Candidate:
         return Candidate(self.fault, self.onset, sizes, delay=self._first_delay, other=other)
 
     def _moved(self, name: str) -> str:
-        """The state by which another one is told to change: the share of a disk that slips offsets nothing at once."""
+        """The state by which one is told to change: the share of a disk that slips offsets nothing at once."""
         return self.fault.named(DRIFT) if self._slips else name
 
     def _given_back(self) -> float:

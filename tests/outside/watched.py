@@ -50,7 +50,7 @@ _MOVES: Final = 0.1
 """Velocity of a joint that moves, rad/s."""
 _ALARMS: Final = (EventKind.FAILED, "push")
 _NOTICED: Final = (EventKind.SUSPECTED, *_ALARMS, EventKind.MISFIT, EventKind.BURST, EventKind.SPIKE)
-_KINDS: Final[dict[str, Effect]] = EFFECTS | FAULTS | {"nothing": nothing}
+KINDS: Final[dict[str, Effect]] = EFFECTS | FAULTS | {"nothing": nothing}
 
 
 class Work(NamedTuple):
@@ -78,7 +78,7 @@ def work(item: Work, seconds: float, begins: float | None = None) -> Worked:
         seconds: plant time, s.
         begins: by how much later the effect begins than its table says, s; None if it has always been there.
     """
-    effect = _KINDS[item.what]
+    effect = KINDS[item.what]
     if begins is not None:
         effect = since(later(effect, begins), begins + STARTS)
     plant = Around(Emulation(noise=NOISE, seed=item.seed), effect, item.effect_seed)
