@@ -34,6 +34,8 @@ _RECENT: Final = 0.04
 """Weight of the last sample in the mean of the innovations."""
 _FARTHEST: Final = 25.0
 """Largest square of an innovation in standard deviations that counts: single readings may be far off."""
+_LARGEST: Final = 50.0**2
+"""Square of a size, relative to a plausible one, from which on it is none of a fault, but an estimate that diverges."""
 _SEEN: Final = 20
 """Samples in which it shows that a push has ended, or what an arm does without its box."""
 _PUSH: Final = 0.3
@@ -251,7 +253,7 @@ class Candidate:
         """
         x, given = self.estimator.x, 0.0
         for name, size in self._sizes.items():
-            square = ((float(x[INDEX[name]]) - self._begun[name]) / size) ** 2
+            square = min(((float(x[INDEX[name]]) - self._begun[name]) / size) ** 2, _LARGEST)
             given += max(0.5 * square - math.log1p(square), 0.0)
         return given
 

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from dtwin.monitoring.diagnosis import Diagnosis
 from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.estimation.layout import ARM, W
-from dtwin.monitoring.kinds import FaultId
+from dtwin.monitoring.kinds import FaultId, parse_fault_id
 from dtwin.monitoring.signatures import SignatureBank
 from dtwin.monitoring.verdict import Finding
 
@@ -36,8 +36,9 @@ PROVEN: Final = 400
 """samples of motion that a model has to explain before what it does not explain is a fault of the arm"""
 _RETURNED: Final = 1500
 """samples of motion after which a model that did not fit does"""
-OWN: Final = 0.5
-"""most probability of a cause that is found before the arm is understood again: second faults so soon are rare"""
+OWN: Final = 0.4
+"""most probability of a cause that is found before the arm is understood again: second faults so soon are rare, and
+nothing is refitted from what is less probable than not"""
 _FAST: Final = 0.1
 """rad/s"""
 _OFF: Final = 4.5
@@ -194,7 +195,8 @@ class Turns:
 
         Args:
             found: its finding.
-            faults: all that it has come to; what tells of the first matter again is no consequence of it.
+            faults: all that it has come to; what tells of the first matter again, or of what that was said to be
+                instead, is no consequence of it.
         """
         again = all(any(fault.same_matter(told) for told in self._told) for fault in (found.fault, *faults))
         if again or not self._first:
@@ -205,7 +207,7 @@ class Turns:
         """Takes in the findings that a diagnosis has come to."""
         for found in settled:
             self._first = self._first or found.parameter
-            self._told += [] if found.follows else [found.fault]
+            self._told += [] if found.follows else [found.fault, *map(parse_fault_id, found.others)]
             self._explained = 0
 
     def enter(self, turn: Turn) -> None:

@@ -53,6 +53,12 @@ def test_the_first_matter_is_told_again_as_surely(turns: Turns) -> None:
     assert _judged(turns, "K2", "D3").follows == "K2"
 
 
+def test_what_the_first_finding_may_be_instead_is_no_consequence_of_it() -> None:
+    turns = Turns()
+    turns.tell([finding(parse_fault_id("D2"), 1.0, 1.1, others=("K2",))])
+    assert _judged(turns, "K2") == _found("K2")
+
+
 def test_what_follows_is_no_first_matter_of_what_comes_after_it(turns: Turns) -> None:
     turns.tell([_judged(turns, "lock3")])
     assert _judged(turns, "lock3").follows == "K2"
