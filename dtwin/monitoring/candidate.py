@@ -35,7 +35,7 @@ _RECENT: Final = 0.04
 _FARTHEST: Final = 25.0
 """Largest square of an innovation in standard deviations that counts: single readings may be far off."""
 _LARGEST: Final = 50.0**2
-"""Square of a size, relative to a plausible one, from which on it is none of a fault, but an estimate that diverges."""
+"""Square of a size, relative to a plausible one, from which on it is that of an estimate that diverges."""
 _SEEN: Final = 20
 """Samples in which it shows that a push has ended, or what an arm does without its box."""
 _PUSH: Final = 0.3
