@@ -27,6 +27,10 @@ def _estimator(speed: float) -> Estimator:
     return cast(Estimator, SimpleNamespace(x=state))
 
 
+def _understood(turns: Turns) -> bool:
+    return turns.understood
+
+
 @pytest.fixture
 def turns() -> Turns:
     """A motor has been found to be weak."""
@@ -37,7 +41,7 @@ def turns() -> Turns:
 
 def test_what_is_found_first_is_as_sure_as_it_is() -> None:
     turns = Turns()
-    assert turns.understood
+    assert _understood(turns)
     assert _judged(turns, "D1") == _found("D1")
 
 
@@ -68,10 +72,10 @@ def test_an_arm_that_has_explained_its_motion_is_understood_again(turns: Turns) 
     for _ in range(PROVEN):
         turns.moved(Watching(), _estimator(0.0))
         turns.moved(Lost(_estimator(0.0)), _estimator(0.5))
-    assert not turns.understood
+    assert not _understood(turns)
     for _ in range(PROVEN):
         turns.moved(Watching(), _estimator(0.5))
-    assert turns.understood
+    assert _understood(turns)
     assert _judged(turns, "D1") == _found("D1")
 
 
@@ -80,4 +84,4 @@ def test_a_further_finding_has_the_arm_explain_itself_anew(turns: Turns) -> None
         turns.moved(Watching(), _estimator(0.5))
     turns.tell([_judged(turns, "D1")])
     turns.moved(Watching(), _estimator(0.5))
-    assert not turns.understood
+    assert not _understood(turns)

@@ -1,7 +1,7 @@
 """The tables of what the monitor makes of effects and faults around the plant, and what was asked beside them.
 
 Run by `scripts/outside --watched`, with a folder that keeps the records of commissioned arms, minutes of healthy work
-with each effect, and number of processes.
+with each effect, number of processes, and a word that the names of all that is tried have.
 """
 
 import sys
@@ -81,8 +81,8 @@ def _head(columns: Sequence[str]) -> str:
     return f"{_row(*columns)}\n{'|---' * len(columns)}|"
 
 
-def _effect_rows(keeper: _Keeper, minutes: float, workforce: Workforce) -> None:
-    works = [Work(name, _SEED, _SEED) for name in EFFECTS]
+def _effect_rows(keeper: _Keeper, minutes: float, workforce: Workforce, word: str) -> None:
+    works = [Work(name, _SEED, _SEED) for name in EFFECTS if word in name]
     records = spread(keeper, works, workforce)
     known = [
         (work, commissioned(found), minutes) for work, found in zip(works, records, strict=True) if _usable(found)
@@ -116,11 +116,11 @@ def _usable(found: MachineRecord | str) -> bool:
     return isinstance(found, MachineRecord) and found.grade != "unusable"
 
 
-def _fault_rows(keeper: _Keeper, workforce: Workforce) -> None:
+def _fault_rows(keeper: _Keeper, workforce: Workforce, word: str) -> None:
     record = keeper(_HEALTHY)
     assert isinstance(record, MachineRecord)
     belief = commissioned(record)
-    jobs = [(Work(name, seed, seed), belief) for name in FAULTS for seed in _SEEDS]
+    jobs = [(Work(name, seed, seed), belief) for name in FAULTS if word in name for seed in _SEEDS]
     print(f"\nFaults, of an arm that was commissioned without them\n\n{_head(_FAULTS)}")
     outcomes = spread(watch_fault, jobs, workforce)
     for one in outcomes:
@@ -157,14 +157,16 @@ def _asked(rows: Sequence[tuple[str, str]]) -> None:
     print("\n| asked | measured |\n|---|---|\n" + "\n".join(_row(*row) for row in rows), flush=True)
 
 
-def main(folder: str, minutes: float = 60.0, workers: int = 2) -> None:
+def main(folder: str, minutes: float = 60.0, workers: int = 2, word: str = "") -> None:
     """Prints the tables."""
     place, workforce = Path(folder), Workforce(workers)
     place.mkdir(parents=True, exist_ok=True)
     keeper = _Keeper(place)
-    _fault_rows(keeper, workforce)
-    _effect_rows(keeper, minutes, workforce)
+    if any(word in name for name in FAULTS):
+        _fault_rows(keeper, workforce, word)
+    if any(word in name for name in EFFECTS):
+        _effect_rows(keeper, minutes, workforce, word)
 
 
 if __name__ == "__main__":
-    main(*(kind(text) for kind, text in zip((str, float, int), sys.argv[1:], strict=False)))
+    main(*(kind(text) for kind, text in zip((str, float, int, str), sys.argv[1:], strict=False)))
