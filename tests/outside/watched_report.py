@@ -7,7 +7,7 @@ with each effect, number of processes, and a word that the names of all that is 
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeGuard
 
 from dtwin.campaign.spread import Workforce, spread
 from dtwin.identification.machine.record import MachineRecord, read_record, write_record
@@ -27,7 +27,10 @@ _SEED: Final = 7
 _SEEDS: Final = (3,)
 """Numbers of the generators of faults."""
 _HEALTHY: Final = Work("nothing", 1)
-_EFFECTS: Final = ("what", "grade", "hours", "false alarms", "data sheet: not commissioned", "false alarms")
+_EFFECTS: Final = (
+    *("what", "grade", "hours", "not commissioned", "false alarms"),
+    *("data sheet: not commissioned", "false alarms"),
+)
 _FAULTS: Final = ("what", "seen s", "noticed s", "called first", "is", "later", "wrong for sure", "consequences")
 
 
@@ -96,11 +99,14 @@ def _effect_rows(keeper: _Keeper, minutes: float, workforce: Workforce, word: st
         grade = found.grade if isinstance(found, MachineRecord) else "unusable"
         told = next(seen) if _usable(found) else None
         own += [told] if told else []
-        alarms = len(told.alarms) if told else "-"
-        print(_row(work.what, grade, f"{told.hours if told else 0.0:.2f}", alarms, other.misfits, len(other.alarms)))
-    hours, alarms = sum(one.hours for one in own), sum(len(one.alarms) for one in own)
+        known_as = (f"{told.hours:.2f}", told.misfits, len(told.alarms)) if told else ("-", "-", "-")
+        print(_row(work.what, grade, *known_as, other.misfits, len(other.alarms)))
+    hours, alarms = sum(one.hours for one in own), sum(len(one.alarms) + one.misfits for one in own)
     rows = (
-        ("at most 2 false alarms in 40 arm-days, commissioned", f"{alarms} in {hours / 24.0:.2f} arm-days"),
+        (
+            "at most 2 false alarms in 40 arm-days, commissioned; not commissioned is one",
+            f"{alarms} in {hours / 24.0:.2f} arm-days",
+        ),
         (
             'at most one "not commissioned" each, with the data sheet',
             f"at most {max(one.misfits for one in sheet)} each; {sum(len(one.alarms) for one in sheet)} false alarms"
@@ -112,7 +118,7 @@ def _effect_rows(keeper: _Keeper, minutes: float, workforce: Workforce, word: st
     print("\n".join(["", *(f"- {text}" for text in said)]), flush=True)
 
 
-def _usable(found: MachineRecord | str) -> bool:
+def _usable(found: MachineRecord | str) -> TypeGuard[MachineRecord]:
     return isinstance(found, MachineRecord) and found.grade != "unusable"
 
 
