@@ -349,8 +349,7 @@ class Monitor:
     def _try_again(self, lost: Lost) -> None:
         """The arm moves like none that is known: starts from the last one that it moved like."""
         self.findings.doubt()
-        self.estimator = lost.sound.copy()
-        self._mode = lost
+        self.estimator, self._mode = lost.sound.copy(), lost
         self._initialise(self._readings.last, self._track.gripped)
 
     def _start_over(self) -> None:
@@ -378,8 +377,7 @@ class Monitor:
             self.findings.note(self.time, "dismissed", "a suspicion was not confirmed")
             return
         winner, told = diagnosis.winner(), len(self.history)
-        assessed = self.findings.assess(winner, pending.detected)
-        self._adopt(winner.candidate, self._turns.judged(assessed, winner.candidate.faults))
+        self._adopt(winner.candidate, self.findings.assess(winner, pending.detected))
         self._turns.tell(self.history[told:])
         for name in mode.known_of(self.history[told:]):
             if name in self.findings.current:
@@ -393,6 +391,7 @@ class Monitor:
             self._initialise(self._readings.last, self._track.gripped)
         faults = () if over else candidate.faults
         self._turns.enter(Turn(self.sample, pending.detected, before, dict(self.findings.current), faults))
+        pending = self._turns.judged(pending, candidate.faults)
         self.findings.settle(self.time, candidate, pending).apply(self.estimator, self.trend)
         if (first := self._turns.astray(self.sample)) is not None:
             self.findings.give_up(self.time, first.detected, pending, first.findings)
