@@ -3,7 +3,8 @@
 A candidate goes back to the estimate before the suspected onset, is allowed its change - a wide prior on one or a few
 parameters, a joint that stands still, a torque of unknown cause, commands that come late, an encoder that has
 stopped - and follows the samples since. The likelihood of the readings, which charges for width by itself, is what
-speaks for it, and its state tells the size of the change: no linearisation in the size is left.
+speaks for it, and its state tells the size of the change: no linearisation in the size is left. What the normal
+distribution of a size charges for a very large one is given back: sizes have the tails of Cauchy's distribution.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from dtwin.monitoring.estimation.arrays import Change
 from dtwin.monitoring.estimation.estimator import HANDLING, Estimator
 from dtwin.monitoring.estimation.layout import INDEX, PAYLOAD
 from dtwin.monitoring.estimation.traces import STANDSTILL
-from dtwin.monitoring.kinds import FaultId, reference
+from dtwin.monitoring.kinds import DRIFT, FaultId, reference
 from dtwin.monitoring.signatures import Onset
 from dtwin.monitoring.tracking.moments import Moment, Moments
 
@@ -33,6 +34,8 @@ _RECENT: Final = 0.04
 """Weight of the last sample in the mean of the innovations."""
 _FARTHEST: Final = 25.0
 """Largest square of an innovation in standard deviations that counts: single readings may be far off."""
+_LARGEST: Final = 50.0**2
+"""Square of a size, relative to a plausible one, from which on it is that of an estimate that diverges."""
 _SEEN: Final = 20
 """Samples in which it shows that a push has ended, or what an arm does without its box."""
 _PUSH: Final = 0.3
@@ -73,6 +76,8 @@ class Candidate:
             ends; what jumps does so at an unknown time up to the next onset if this is 0.
         other: what else changed at the same time; both are jumps.
         caught: samples after which a lost box is held again, somewhat otherwise; 0 for never.
+        slips: whether an encoder of another scale was right up to the onset, since it errs by a share of all motion
+            from there on, as one whose disk slips.
 
     Attributes:
         caught: samples after which the lost box is held again, 0 for never.
@@ -93,8 +98,10 @@ class Candidate:
         delay: int = 0,
         other: FaultId | None = None,
         caught: int = 0,
+        slips: bool = False,
     ) -> None:
         self.fault, self.other, self.onset = fault, other, onset
+        self._slips = slips
         self.gain = -RARER if other else 0.0
         self.peak = 0.0
         self.misfit = self.worst = 1.0
@@ -111,17 +118,20 @@ class Candidate:
             opened = (*opened, str(other))
         self.estimator = estimator = onset.estimator.copy()
         spreads = {name: sizes[name] for name in opened}
-        self._spreads = {name: size * max(self._opening, 1) ** -0.5 for name, size in spreads.items()}
+        self._spreads = {self._moved(name): size * max(self._opening, 1) ** -0.5 for name, size in spreads.items()}
         if hypothesis == "scale":
             estimator.scale(fault.joint)
         self._states = (self._lost,) if self._lost else tuple(spreads)
         for name in self._states:
             estimator.remember(name)
+        self._sizes = {name: size for name, size in spreads.items() if name != "payload"}
+        self._tails = 0.0
         self._box: Change | None = None
         self._told: FaultId | None = None
         self._cause: tuple[str, ...] | None = None
         for name, change in (expected or {}).items():
-            estimator.shift(name, change)
+            estimator.shift(self._moved(name), change)
+        self._begun = {name: float(estimator.x[INDEX[name]]) for name in self._sizes}
         match hypothesis:
             case "hold" if not delay:
                 estimator.lock(fault.joint)
@@ -159,6 +169,8 @@ class Candidate:
         if not math.isfinite(gain):
             self.gain = -math.inf
         elif moment.counts and news:
+            tails = self._given_back()
+            gain, self._tails = gain + tails - self._tails, tails
             self.gain += gain
             self.peak = max(self.peak, gain)
             self.misfit = misfit_after(self.misfit, estimator.score, estimator.information, used)
@@ -223,11 +235,27 @@ class Candidate:
         if not begun.gripped:
             start["payload"] = begun.box_mass
         found = {name: change.value - start[name] for name, change in self.changes().items() if not self._lost}
-        return Candidate(self.fault, self.onset, sizes, found, self._first_delay, self.other, self.caught)
+        how = (found, self._first_delay, self.other, self.caught, self._slips)
+        return Candidate(self.fault, self.onset, sizes, *how)
 
     def beside(self, other: FaultId, sizes: dict[str, float]) -> Candidate:
         """The same jump from the same onset, together with another."""
         return Candidate(self.fault, self.onset, sizes, delay=self._first_delay, other=other)
+
+    def _moved(self, name: str) -> str:
+        """The state by which one is told to change: the share of a disk that slips offsets nothing at once."""
+        return self.fault.named(DRIFT) if self._slips else name
+
+    def _given_back(self) -> float:
+        """What the tails of Cauchy's distribution charge less than those of a normal one for changes so large.
+
+        A box, whose mass starts from several values, has nothing given back.
+        """
+        x, given = self.estimator.x, 0.0
+        for name, size in self._sizes.items():
+            square = min(((float(x[INDEX[name]]) - self._begun[name]) / size) ** 2, _LARGEST)
+            given += max(0.5 * square - math.log1p(square), 0.0)
+        return given
 
     def _catch(self) -> None:
         """The jaws hold the lost box again: what they are about to grip is the box that there was."""

@@ -48,6 +48,8 @@ _MOVES: Final = 0.1
 """rad/s"""
 _TOGETHER: Final = 0.3
 """s between the change of a mass and a movement of the box that are one matter"""
+_WORKS: Final = 1.0
+"""s for which an encoder that had stopped has to work until it is said to: one that stops again is told once"""
 _SURE: Final = 3.0
 """standard deviations"""
 _OPEN: Final = 60.0
@@ -111,7 +113,7 @@ class Findings:
         self._tolerated: set[str] = set()
         self._open: dict[str, Finding] = {}
         self._gripped = self._released = -1.0
-        self._bursts = Bursts()
+        self._bursts, self._stood = Bursts(), [-math.inf] * 3
         self.current: dict[str, Finding] = {}
         self.history: list[Finding] = []
         self.events: list[Event] = []
@@ -148,7 +150,7 @@ class Findings:
             told = [self._finding(candidate, name, pending.confidence, pending.detected) for name in sure]
         named = {found.parameter for found in told}
         instead = tuple(name for name in pending.others if name not in named)
-        settled = [msgspec.structs.replace(found, others=instead) for found in told]
+        settled = [msgspec.structs.replace(found, others=instead, follows=pending.follows) for found in told]
         after = [self._settle(time, candidate, found) for found in settled]
         jumped = [each.jumped for each in after if each.jumped]
         forget = tuple(name for each in after for name in each.forget)
@@ -224,9 +226,11 @@ class Findings:
         for i in (i for i, spike in enumerate(readings.spikes.tolist()) if spike):
             self.note(*self._bursts.tell(time, i, int(readings.wild[i])))
         for (i, name, fault), count in zip(_FREEZES, readings.repeated.tolist(), strict=True):
+            if readings.frozen[i]:
+                self._stood[i] = time
             if readings.frozen[i] and trusted and not self.blind and readings.proven[i]:
                 self.enter(time, finding(fault, time - count * PERIOD, time))
-            elif count == 0 and (name in self.current or name in self._tolerated):
+            elif time >= self._stood[i] + _WORKS and count == 0 and (name in self.current or name in self._tolerated):
                 self.end(time, name)
 
     def _stirred(self, since: float) -> bool:

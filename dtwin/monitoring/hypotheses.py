@@ -35,7 +35,7 @@ _FEW: Final = 2
 """onsets of which the rarer causes are tried"""
 _RECENT: Final = 100
 """samples since an onset up to which a push, a caught box or two changes at once are noticed"""
-PUSHES: Final = (2, 5, 10, 20, 40)
+PUSHES: Final = (2, 5, 10, 20, 40, 80)
 """samples that a push may last"""
 CAUGHT: Final = (5, 10, 20)
 """samples after which a box that slips may be held again"""
@@ -79,6 +79,8 @@ def changes(
     hypotheses += [(fault, onsets[0]) for fault in faults(UNKNOWN)]
     hypotheses += [(FaultId(FREE), onset) for onset in onsets if locked]
     found = [Candidate(fault, onset, sizes) for fault, onset in hypotheses]
+    slipping = [(fault, onset) for fault, onset in hypotheses if fault.kind == SCALE]
+    found += [Candidate(fault, onset, sizes, slips=True) for fault, onset in slipping]
     where = [(s.fault.joint, s.onset) for s in likely if s.fault.kind in OF_ENCODER and s.onset.gap > 1]
     for joint, onset in where:
         found += _stepped(FaultId(BIAS, joint), onset, sizes, history, sample)

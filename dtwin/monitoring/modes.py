@@ -17,13 +17,14 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.monitoring.diagnosis import Diagnosis
 from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.estimation.layout import ARM, W
-from dtwin.monitoring.kinds import FaultId
+from dtwin.monitoring.kinds import FaultId, parse_fault_id
 from dtwin.monitoring.signatures import SignatureBank
 from dtwin.monitoring.verdict import Finding
 
@@ -35,6 +36,9 @@ PROVEN: Final = 400
 """samples of motion that a model has to explain before what it does not explain is a fault of the arm"""
 _RETURNED: Final = 1500
 """samples of motion after which a model that did not fit does"""
+OWN: Final = 0.4
+"""most probability of a cause that is found before the arm is understood again: second faults so soon are rare, and
+nothing is refitted from what is less probable than not"""
 _FAST: Final = 0.1
 """rad/s"""
 _OFF: Final = 4.5
@@ -162,10 +166,49 @@ class Turn(NamedTuple):
 
 
 class Turns:
-    """The last diagnoses that were settled."""
+    """The last diagnoses that were settled.
+
+    What is found before the arm, as it is believed since the first of them, has explained its motion for a while may
+    be a consequence of that one: the arm has hit something, is held where it shall not be, or is not yet understood.
+    """
 
     def __init__(self) -> None:
         self._turns: deque[Turn] = deque(maxlen=LOST)
+        self._first = ""
+        self._told: list[FaultId] = []
+        self._explained = 0
+
+    @property
+    def understood(self) -> bool:
+        """Whether the arm has explained its motion since."""
+        return not self._first
+
+    def moved(self, mode: Watching | Lost, estimator: Estimator) -> None:
+        """Takes in a sample that nothing is suspected from; while the monitor is lost none explains anything."""
+        if self._first and isinstance(mode, Watching):
+            self._explained += _moves(estimator)
+            if self._explained >= PROVEN:
+                self._first, self._told = "", []
+
+    def judged(self, found: Finding, faults: Sequence[FaultId]) -> Finding:
+        """What a diagnosis has come to, no surer than what may be a consequence can be.
+
+        Args:
+            found: its finding.
+            faults: all that it has come to; what tells of the first matter again, or of what that was said to be
+                instead, is no consequence of it.
+        """
+        again = all(any(fault.same_matter(told) for told in self._told) for fault in (found.fault, *faults))
+        if again or not self._first:
+            return found
+        return msgspec.structs.replace(found, confidence=min(found.confidence, OWN), follows=self._first)
+
+    def tell(self, settled: Sequence[Finding]) -> None:
+        """Takes in the findings that a diagnosis has come to."""
+        for found in settled:
+            self._first = self._first or found.parameter
+            self._told += [] if found.follows else [found.fault, *map(parse_fault_id, found.others)]
+            self._explained = 0
 
     def enter(self, turn: Turn) -> None:
         """Notes a diagnosis."""
@@ -224,6 +267,8 @@ class Probation:
 
     def update(self, estimator: Estimator, used: NDArray[np.bool_], counts: bool) -> None:
         """Takes in what the estimator made of a sample: which readings were used, (3,), and whether they count."""
+        if self.passed:
+            return
         self.moved += _moves(estimator)
         if counts:
             off = np.abs(estimator.innovation) / np.sqrt(estimator.variance)

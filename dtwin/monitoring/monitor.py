@@ -128,7 +128,7 @@ class Monitor:
             tape: receives what is made of them, but for the last one, which the attributes tell.
         """
         many = len(seen.sample) > 1 and self._watches() and not self.findings.known
-        many = many and self._track.settled(self.estimator)
+        many = many and self._turns.understood and self._track.settled(self.estimator)
         stretch = many and self._track.follow(self.estimator, self.threshold, seen, self.trend.left(self.time), tape)
         if not stretch or not stretch.done:
             self.update(*seen.row(0))
@@ -240,8 +240,7 @@ class Monitor:
         self.estimator.initialise(measured, gripped)
         self._bank.clear()
         self._bank.note(self.estimator, self.sample)
-        unheard = self._listening.left if self._listening else 0
-        self._mode = settling(self._mode, max(SETTLING, unheard), begun=True)
+        self._mode = settling(self._mode, max(SETTLING, self._listening.left if self._listening else 0), begun=True)
 
     def _step(self, measured: Array, arrived: bool, command: Array, doubt: float) -> None:
         """Carries the estimate over one period and does what the mode asks for."""
@@ -270,8 +269,7 @@ class Monitor:
                 self.findings.pick_up(self.time)
             else:
                 self.findings.put_down(self.time).apply(estimator, self.trend)
-        if not self._probation.passed:
-            self._probation.update(estimator, used, moment.counts)
+        self._probation.update(estimator, used, moment.counts)
         match self._mode:
             case Settling(left, known, begun, then):
                 left -= 1
@@ -291,6 +289,7 @@ class Monitor:
                 self._bank.update(estimator, used, self._readings.fresh, self.sample, moment.counts)
                 self._doubt_model(mode.after(estimator))
             case Watching() | Lost() as mode:
+                self._turns.moved(mode, estimator)
                 self.trend.enter(self.time, estimator)
                 self.findings.examine(self.time, estimator).apply(estimator, self.trend)
                 self._bank.update(estimator, used, self._readings.fresh, self.sample, moment.counts)
@@ -350,8 +349,7 @@ class Monitor:
     def _try_again(self, lost: Lost) -> None:
         """The arm moves like none that is known: starts from the last one that it moved like."""
         self.findings.doubt()
-        self.estimator = lost.sound.copy()
-        self._mode = lost
+        self.estimator, self._mode = lost.sound.copy(), lost
         self._initialise(self._readings.last, self._track.gripped)
 
     def _start_over(self) -> None:
@@ -380,6 +378,7 @@ class Monitor:
             return
         winner, told = diagnosis.winner(), len(self.history)
         self._adopt(winner.candidate, self.findings.assess(winner, pending.detected))
+        self._turns.tell(self.history[told:])
         for name in mode.known_of(self.history[told:]):
             if name in self.findings.current:
                 self.acknowledge(name)
@@ -392,6 +391,7 @@ class Monitor:
             self._initialise(self._readings.last, self._track.gripped)
         faults = () if over else candidate.faults
         self._turns.enter(Turn(self.sample, pending.detected, before, dict(self.findings.current), faults))
+        pending = self._turns.judged(pending, candidate.faults)
         self.findings.settle(self.time, candidate, pending).apply(self.estimator, self.trend)
         if (first := self._turns.astray(self.sample)) is not None:
             self.findings.give_up(self.time, first.detected, pending, first.findings)

@@ -29,6 +29,7 @@ class Finding(msgspec.Struct, frozen=True):
         detected: plant time at which it was noticed, s.
         settled: whether the diagnosis is complete; until then cause and size may still change.
         others: what else it may be, in the same notation, most likely first: with these the probability is 95 %.
+        follows: the finding before it of which it may be a consequence, in the same notation; "" for none.
     """
 
     parameter: str
@@ -41,6 +42,7 @@ class Finding(msgspec.Struct, frozen=True):
     detected: float
     settled: bool
     others: tuple[str, ...] = ()
+    follows: str = ""
 
     @property
     def fault(self) -> FaultId:
@@ -63,6 +65,8 @@ class Finding(msgspec.Struct, frozen=True):
             amount = f", {scale * self.size:+.3g} +- {scale * self.deviation:.1g} {told}"
         where = f" of joint {self.joint}" if self.joint else ""
         instead = "".join(f" or {parse_fault_id(each).where}" for each in self.others)
+        if self.follows:
+            instead += f" or a consequence of {parse_fault_id(self.follows).where}"
         sure = f"confidence {100 * self.confidence:.0f} %{instead and ','}{instead}"
         return f"{self.cause}{where}{amount}, {sure}, since {self.since:.2f} s"
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from operator import add
 
@@ -25,21 +26,26 @@ class Around:
         emulation: the plant inside.
         effect: what lies around it.
         seed: number of the effect's random generator.
+
+    Attributes:
+        began: plant time of the first sample at which it changed anything, s; infinite until then.
     """
 
     def __init__(self, emulation: Emulation, effect: Effect, seed: int = 0) -> None:
         self.emulation = emulation
         self._outside = effect(np.random.default_rng(seed))
         self._sample: Sensors | None = None
+        self.began = math.inf
 
     def read(self) -> Sensors:
         """The sample as it reaches the controller; the same one until the plant has gone on."""
         inside = self.emulation.read()
         if self._sample is None or self._sample.sequence != inside.sequence:
-            truth = self.truth()
+            truth, given = self.truth(), inside
             for part in self._outside.readings:
-                inside = part(inside, truth)
-            self._sample = inside
+                given = part(given, truth)
+            self._notice(given.theta != inside.theta, inside.time)
+            self._sample = given
         return self._sample
 
     def truth(self) -> Truth:
@@ -48,18 +54,25 @@ class Around:
 
     def apply(self, voltages: Voltages) -> None:
         """Sets the command as it reaches the plant, and the torques of this tick."""
+        asked = voltages.volts
         for part in self._outside.commands:
             voltages = part(voltages)
+        self._notice(voltages.volts != asked, voltages.time)
         self.emulation.apply(voltages)
         if self._outside.torques:
             truth, total = self.truth(), (0.0, 0.0, 0.0)
             for torque in self._outside.torques:
                 total = _sum(total, torque(truth, voltages))
+            self._notice(any(total), voltages.time)
             self.emulation.disturb(total)
 
     def advance(self, period: float) -> None:
         """Lets the plant inside run for a period (s)."""
         self.emulation.advance(period)
+
+    def _notice(self, changed: bool, time: float) -> None:
+        if changed:
+            self.began = min(self.began, time)
 
 
 def _sum(these: Triple, others: Triple) -> Triple:

@@ -21,6 +21,9 @@ Command = Callable[[Voltages], Voltages]
 Torque = Callable[[Truth, Voltages], Triple]
 """Torques on the joints (N m) until the next tick, in a true state and under the command that acts."""
 
+_TINY = 1e-6
+"""Less than any tick, s: times are sums of ticks."""
+
 
 @dataclass(frozen=True, slots=True)
 class Outside:
@@ -69,6 +72,42 @@ def later(effect: Effect, delay: float) -> Effect:
 
         def torque(part: Torque) -> Torque:
             return lambda truth, voltages: part(replace(truth, time=truth.time - delay), voltages)
+
+        return Outside(
+            tuple(map(reading, parts.readings)),
+            tuple(map(command, parts.commands)),
+            tuple(map(torque, parts.torques)),
+        )
+
+    return make
+
+
+def since(effect: Effect, start: float) -> Effect:
+    """An effect that has none before a time (s), as of a motor that is replaced by another one."""
+
+    def make(random: np.random.Generator) -> Outside:
+        parts = effect(random)
+
+        def reading(part: Reading) -> Reading:
+            def read(sensors: Sensors, truth: Truth) -> Sensors:
+                given = part(sensors, truth)
+                return given if sensors.time >= start - _TINY else sensors
+
+            return read
+
+        def command(part: Command) -> Command:
+            def pass_on(voltages: Voltages) -> Voltages:
+                given = part(voltages)
+                return given if voltages.time >= start - _TINY else voltages
+
+            return pass_on
+
+        def torque(part: Torque) -> Torque:
+            def push(truth: Truth, voltages: Voltages) -> Triple:
+                given = part(truth, voltages)
+                return given if truth.time >= start - _TINY else (0.0, 0.0, 0.0)
+
+            return push
 
         return Outside(
             tuple(map(reading, parts.readings)),

@@ -73,3 +73,46 @@ FAULTS: Final[dict[str, Effect]] = {
     "a tight bearing at 1 rad of joint 1": drives.tight_spot(1.0, 1.0),
 }
 """Faults, by what they are."""
+
+_NOTHING_FITS: Final = ("unknown1", "unknown2", "unknown3")
+"""What is right where no cause of the monitor's list is what happened: to say so, or to name nothing."""
+
+NAMES: Final[dict[str, tuple[str, ...]]] = {
+    # Bursts are told as events with a count and a rate; no finding follows from them.
+    "a burst every 7 s, all encoders": _NOTHING_FITS,
+    "a burst every 7 s, encoder 1": _NOTHING_FITS,
+    "a burst of 60 ms every 9 s, all encoders": _NOTHING_FITS,
+    "bursts without end, encoder 3": _NOTHING_FITS,
+    "frames of encoder 2 read 0, 1 in 200": _NOTHING_FITS,
+    **{f"encoder {j} freezes for 100 ms pieces": (f"freeze{j}",) for j in (1, 2, 3)},
+    "all encoders freeze for 100 ms pieces": ("freeze1", "freeze2", "freeze3"),
+    "encoder 2 freezes for 1 s pieces": ("freeze2",),
+    "encoder 1 stops": ("freeze1",),
+    **{f"encoder {j} jumps by 0.2 rad": (f"bias{j}",) for j in (1, 2, 3)},
+    **{f"encoder {j} jumps by 1.5 rad": (f"bias{j}",) for j in (1, 2, 3)},
+    "encoder 2 jumps by 0.3 rad for 0.5 s": ("bias2",),
+    "encoder 1 reads 80 %": ("scale1",),
+    "encoder 3 reads 125 %": ("scale3",),
+    **{f"encoder {j} reads the other sign": (f"scale{j}",) for j in (1, 2, 3)},
+    # From when it slips the reading is a share of the angle and an offset.
+    "the disk of encoder 1 slips by 5 %": ("scale1", "bias1"),
+    "encoders 2 and 3 change places": _NOTHING_FITS,
+    # The loop does not tell which way is late.
+    "readings 3 ticks late": ("late",),
+    "commands 3 ticks late": ("late",),
+    "20 % of the commands lost": ("late",),
+    "cogging, 15 mN m, 73 a turn": _NOTHING_FITS,
+    "cogging, 25 mN m, 41 a turn": _NOTHING_FITS,
+    "motor 2 at 60 %": ("K2",),
+    "motor 1 loses 3 % a second": ("K1",),
+    # No command arrives, though a voltage does.
+    "amplifier 1 stuck at 4 V": ("cut1", "unknown1"),
+    "amplifier 3 stuck at 0 V": ("cut3",),
+    "a supply of 4 V": ("supply",),
+    "joint 1 shoved with 1.5 N m for 0.3 s": ("push1",),
+    "joint 2 shoved with 0.8 N m for 0.5 s": ("push2",),
+    "a cable, 0.3 N m/rad on joint 1": _NOTHING_FITS,
+    # It may be too tight for the joint to get past.
+    "a tight bearing at 1 rad of joint 1": ("D1", "mu1", "lock1"),
+}
+"""What a finding may rightly call each fault, written down before any monitor had seen one."""

@@ -102,7 +102,7 @@ class Estimator:
         self._grip, self._displacement, self._timing = error.grip, error.displacement, error.timing
         self._locked = 0
         self._growth = np.full(3, PERIOD)
-        self._scaled: tuple[int, ...] = ()
+        self._scaled: list[int] = []
         self._least, self._most = bounds(arm, self._motion.arrays(False).rigid)
         self._lower, self._upper = widened(self._least, self._most)
         self.box_mass, self.payload_variance = tuning.box_mass, tuning.box_deviation**2
@@ -142,13 +142,13 @@ class Estimator:
         possible = np.empty(SIZE)
         kernels.bound(self.x, self._least, self._most, gripped, possible)
         end, self.F = self._motion.carry(possible, volts, gripped, self._locked)
-        for i in self._scaled:
-            self._growth[i] = end[i] - possible[i]
+        self._growth[self._scaled] = (end[:W] - possible[:W])[self._scaled]
         kernels.carry(self.x, end, self.memory, self._growth)
         torque, displaced, slowed = np.empty(3), np.empty(3), np.empty(3)
-        later = self._motion.arrays(gripped).later
-        kernels.disturb(self.arrays(), volts, later, doubt, torque, displaced, slowed)
+        kernels.disturb(self.arrays(), volts, self._motion.arrays(gripped).later, doubt, torque, displaced, slowed)
+        kernels.relate(self.P, self.x, self._scaled, -1.0)
         kernels.predict(self.P, self.F, torque, displaced, slowed, self._walk, self.memory, self._growth)
+        kernels.relate(self.P, self.x, self._scaled, 1.0)
 
     def freed(self, joint: int, volts: Array, gripped: bool) -> float:
         """The speed that a locked joint (1 to 3) would have after one period if it were free, rad/s."""
@@ -304,7 +304,7 @@ class Estimator:
         if joint - 1 not in self._scaled:
             self.forget(f"drift{joint}")
             self._make_certain(DRIFT + joint - 1, 0.0)
-            self._scaled = (*self._scaled, joint - 1)
+            self._scaled = [*self._scaled, joint - 1]
 
     def lock(self, joint: int) -> None:
         """Takes a joint (1 to 3) to be held where it is now, 0 to be free again."""

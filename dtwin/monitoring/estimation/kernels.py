@@ -19,6 +19,7 @@ derivatives of q and w after a sample by the moving states before it.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import Any, Final
 
 import numpy as np
@@ -203,6 +204,23 @@ def predict(
             P[j, i] *= memory
     for i in range(SIZE):
         P[i, i] += walk[i]
+
+
+def relate(P: Array, x: Array, scaled: Iterable[int], sign: float) -> None:
+    """Takes out of, or puts into, offsets what they share with the angles that they are proportional to.
+
+    While the arm moves, the error of such an offset changes with that of its angle: what is left without it stays.
+
+    Args:
+        P: covariance, in place.
+        x: state.
+        scaled: indices of the joints whose encoders have another scale.
+        sign: -1 takes out, 1 puts in.
+    """
+    for i in scaled:
+        share = sign * x[DRIFT + i]
+        P[BIAS + i] += share * P[i]
+        P[:, BIAS + i] += share * P[:, i]
 
 
 @kernel

@@ -24,9 +24,10 @@ _DITHER: Final = 0.5
 Quantization Noise, 2008)"""
 NOISY: Final = 2.0
 """resolutions: an encoder of such noise repeats a reading by chance once in seven samples, and FROZEN times never"""
-_STILL: Final = 16
-"""equal readings in a row that such an encoder does not give in months of rest either, though one sample in twenty be
-lost: one in five repeats the one before"""
+_LOST: Final = 0.05
+"""share of the samples that may be lost, which repeat the one before"""
+_NEVER: Final = 2e-11
+"""probability of a row of equal readings that such an encoder does not give in months of rest either"""
 _CHANCE: Final = 2
 """times that such an encoder may repeat its reading by chance"""
 _TOGETHER: Final = 1e-3
@@ -119,7 +120,9 @@ def judge(
         moved = min(abs(predicted[i] - since[i]), off)
         stopped = repeated[i] >= FROZEN - 1 and moved > RESOLUTIONS * resolution[i]
         restless = noise[i] > max(NOISY * resolution[i], NOISE_FLOOR)
-        stopped = (stopped and moved > DEVIATIONS * deviation[i]) or (restless and repeated[i] >= _STILL - 1)
+        stopped = (stopped and moved > DEVIATIONS * deviation[i]) or (
+            restless and (_LOST + resolution[i] / (2.0 * math.sqrt(math.pi) * noise[i])) ** repeated[i] < _NEVER
+        )
         frozen[i] = not first and (frozen[i] or stopped)
         # One that was far off and is read again is no spike, which a lost sample would repeat only once.
         stays = left_out[i] and not first and (arrived or repeated[i] > 1)

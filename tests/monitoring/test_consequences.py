@@ -1,0 +1,87 @@
+"""What is found before the arm is understood again: it may be a consequence of what was found first."""
+
+from types import SimpleNamespace
+from typing import cast
+
+import numpy as np
+import pytest
+
+from dtwin.monitoring.estimation.estimator import Estimator
+from dtwin.monitoring.estimation.layout import SIZE, W
+from dtwin.monitoring.kinds import parse_fault_id
+from dtwin.monitoring.modes import OWN, PROVEN, Lost, Turns, Watching
+from dtwin.monitoring.verdict import Finding, finding
+
+
+def _found(name: str) -> Finding:
+    return finding(parse_fault_id(name), 1.0, 1.1, 0.2, 0.01, 0.999)
+
+
+def _judged(turns: Turns, *names: str) -> Finding:
+    return turns.judged(_found(names[0]), [parse_fault_id(name) for name in names])
+
+
+def _estimator(speed: float) -> Estimator:
+    state = np.zeros(SIZE)
+    state[W + 1] = speed
+    return cast(Estimator, SimpleNamespace(x=state))
+
+
+def _understood(turns: Turns) -> bool:
+    return turns.understood
+
+
+@pytest.fixture
+def turns() -> Turns:
+    """A motor has been found to be weak."""
+    turns = Turns()
+    turns.tell([_found("K2")])
+    return turns
+
+
+def test_what_is_found_first_is_as_sure_as_it_is() -> None:
+    turns = Turns()
+    assert _understood(turns)
+    assert _judged(turns, "D1") == _found("D1")
+
+
+def test_what_is_found_next_may_be_a_consequence(turns: Turns) -> None:
+    told = _judged(turns, "D1")
+    assert (told.follows, told.confidence) == ("K2", OWN)
+    assert "or a consequence of voltage constant of joint 2" in told.text()
+    assert told.failure == 1.0  # something has failed, whatever it is called
+
+
+def test_the_first_matter_is_told_again_as_surely(turns: Turns) -> None:
+    assert _judged(turns, "K2") == _found("K2")
+    assert _judged(turns, "K2", "D3").follows == "K2"
+
+
+def test_what_the_first_finding_may_be_instead_is_no_consequence_of_it() -> None:
+    turns = Turns()
+    turns.tell([finding(parse_fault_id("D2"), 1.0, 1.1, others=("K2",))])
+    assert _judged(turns, "K2") == _found("K2")
+
+
+def test_what_follows_is_no_first_matter_of_what_comes_after_it(turns: Turns) -> None:
+    turns.tell([_judged(turns, "lock3")])
+    assert _judged(turns, "lock3").follows == "K2"
+
+
+def test_an_arm_that_has_explained_its_motion_is_understood_again(turns: Turns) -> None:
+    for _ in range(PROVEN):
+        turns.moved(Watching(), _estimator(0.0))
+        turns.moved(Lost(_estimator(0.0)), _estimator(0.5))
+    assert not _understood(turns)
+    for _ in range(PROVEN):
+        turns.moved(Watching(), _estimator(0.5))
+    assert _understood(turns)
+    assert _judged(turns, "D1") == _found("D1")
+
+
+def test_a_further_finding_has_the_arm_explain_itself_anew(turns: Turns) -> None:
+    for _ in range(PROVEN - 1):
+        turns.moved(Watching(), _estimator(0.5))
+    turns.tell([_judged(turns, "D1")])
+    turns.moved(Watching(), _estimator(0.5))
+    assert not _understood(turns)
