@@ -245,6 +245,7 @@ class MonitoredUnit(msgspec.Struct, frozen=True):
         detected: plant time at which it was noticed, s.
         settled: whether the diagnosis is complete; until then cause and size may still change.
         text: all of that in words.
+        others: further causes that the samples do not tell from it, in the notation of faults.
     """
 
     state: UnitState
@@ -257,6 +258,7 @@ class MonitoredUnit(msgspec.Struct, frozen=True):
     detected: Seconds = 0.0
     settled: bool = False
     text: Line = ""
+    others: tuple[Word, ...] = ()
 
 
 class MonitoringVerdict(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Final, NamedTuple
@@ -10,10 +11,10 @@ from scipy.stats import chi2
 
 from dtwin.campaign.spread import Progress, Workers, Workforce
 from dtwin.commands.frame import at_least
-from dtwin.monitoring.chain.sequential import HEALTHY, first_fault
+from dtwin.monitoring.chain.sequential import HEALTHY
 from dtwin.run.arm_cell import ArmCell
-from dtwin.run.chain import run
 from evidence.experiment import SeriesCommand
+from evidence.monitoring.arm_faults import monitored
 from evidence.report import Report
 
 SHIFT: Final = 1800.0
@@ -30,16 +31,26 @@ class ArmShift(NamedTuple):
     seconds: float
 
 
-def judge_shift(item: ArmShift) -> str:
-    """What the monitor said was wrong with a healthy machine, "" for nothing.
+class Judged(NamedTuple):
+    """What the monitor said was wrong with a healthy machine, "" for nothing, and the time that it judged, s."""
+
+    said: str
+    seconds: float
+
+
+def judge_shift(item: ArmShift) -> Judged:
+    """Has a healthy machine watched by the monitor that a running cell has; learning for longer is part of the shift.
 
     Raises:
         DtwinError: the work failed.
     """
     settings = ArmCell(arm=item.arm, machine=str(item.machine)).settings(HEALTHY + item.seconds, item.seed)
-    ran = run(settings)
-    found = first_fault(settings.arm, ran.t, ran.q, ran.target, ran.effort)
-    return "" if found is None else f"machine {item.machine}, seed {item.seed}: {found.text(settings.arm)}"
+    learning = monitored(settings)
+    if learning.watch is None:
+        return Judged("", 0.0)
+    found, seconds = learning.watch.finding, settings.duration - learning.until
+    said = "" if found is None else f"machine {item.machine}, seed {item.seed}: {found.text(settings.arm)}"
+    return Judged(said, seconds)
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +63,7 @@ class ArmDays:
         shifts: number of shifts.
         days: time that was judged, days.
         alarms: what was said, in words.
+        unknown: shifts in which the monitor did not get to know the machine, and judged nothing.
     """
 
     arm: str
@@ -59,11 +71,12 @@ class ArmDays:
     shifts: int
     days: float
     alarms: tuple[str, ...]
+    unknown: int = 0
 
     @property
     def bound(self) -> float:
         """Rate of false alarms a day that the number of them excludes with 95 %: Poisson, one-sided, alarms a day."""
-        return float(chi2.ppf(0.95, 2 * (len(self.alarms) + 1)) / 2.0 / self.days)
+        return float(chi2.ppf(0.95, 2 * (len(self.alarms) + 1)) / 2.0 / self.days) if self.days else math.inf
 
 
 def shifts_of(arm: str, days: float, machines: int, seed: int) -> list[ArmShift]:
@@ -82,10 +95,11 @@ def arm_days(shifts: Sequence[ArmShift], workforce: Workforce, progress: Progres
         DtwinError: the work failed.
     """
     with Workers(workforce) as pool:
-        said = pool.map(judge_shift, shifts, progress)
-    days = sum(shift.seconds for shift in shifts) / _DAY
+        judged = pool.map(judge_shift, shifts, progress)
+    days = sum(shift.seconds for shift in judged) / _DAY
     machines = len({shift.machine for shift in shifts})
-    return ArmDays(shifts[0].arm, machines, len(shifts), days, tuple(text for text in said if text))
+    unknown = sum(shift.seconds == 0.0 for shift in judged)
+    return ArmDays(shifts[0].arm, machines, len(shifts), days, tuple(s.said for s in judged if s.said), unknown)
 
 
 @dataclass(frozen=True)
@@ -110,7 +124,7 @@ class ExperimentArmDays(SeriesCommand[ArmDays]):
         words = (
             f"{result.machines} machines worked in {result.shifts} shifts, {result.days:.2f} days in all, without a "
             f"fault. Their monitors gave {len(result.alarms)} alarms; with 95 % there are fewer than "
-            f"{result.bound:.2g} a day."
+            f"{result.bound:.2g} a day. In {result.unknown} shifts the monitor did not get to know it."
         )
         return Report(f"False alarms of drawn machines of {result.arm}", (words, *result.alarms))
 
@@ -121,5 +135,6 @@ class ExperimentArmDays(SeriesCommand[ArmDays]):
             "shifts": result.shifts,
             "days": result.days,
             "alarms": list(result.alarms),
-            "bound_a_day": result.bound,
+            "bound_a_day": result.bound if result.days else None,
+            "unknown": result.unknown,
         }

@@ -12,7 +12,8 @@ from dtwin.campaign.spread import Progress
 from dtwin.commands.frame import at_least
 from dtwin.emulation.chain.faults import ChainFault, Kind
 from dtwin.monitoring.chain.finding import ChainFinding
-from dtwin.monitoring.chain.sequential import HEALTHY, first_fault
+from dtwin.monitoring.chain.learning import Learning, passed
+from dtwin.monitoring.chain.sequential import HEALTHY
 from dtwin.run.arm_cell import ArmCell
 from dtwin.run.chain import ChainSettings, run
 from evidence.experiment import ExperimentCommand
@@ -74,41 +75,56 @@ class ArmFaults:
         trials: with a fault.
         healthy: without one.
         judged: time that the healthy machines were judged, s.
+        unknown: numbers of machines that the monitor did not get to know, which have no trials.
     """
 
     arm: str
     trials: tuple[Trial, ...]
     healthy: tuple[Trial, ...]
     judged: float
+    unknown: tuple[int, ...] = ()
 
 
 def arm_faults(name: str, machines: int, minutes: float, seed: int, progress: Progress) -> ArmFaults:
     """Tries every kind of fault on drawn machines, and lets each work without one.
 
+    A fault begins after the stretch in which the monitor has got to know the machine, as in a running cell.
+
     Args:
         name: an arm.
         machines: number of machines; their numbers begin with 2000 + seed.
-        minutes: time that each is judged without a fault.
+        minutes: time that each is judged without a fault, less what more than a minute of learning takes.
         seed: number of the first generator.
         progress: is told how many machines are done.
     """
-    trials, healthy = [], []
+    trials, healthy, unknown, judged = [], [], [], 0.0
     for k in range(machines):
         number = 2000 + seed + k
         settings = ArmCell(arm=name, machine=str(number)).settings(HEALTHY + 60.0 * minutes, number)
-        healthy.append(_tried(settings, number, None))
+        learning = monitored(settings)
+        progress(k + 1, machines)
+        if learning.watch is None:
+            unknown.append(number)
+            continue
+        judged += settings.duration - learning.until
+        healthy.append(Trial(number, "", np.inf, "", learning.watch.finding))
         generator = np.random.default_rng([number, 3])
         for kind in KINDS:
-            fault = drawn_fault(settings.arm, kind, generator)
+            fault = drawn_fault(settings.arm, kind, generator, learning.until)
             trials.append(_tried(replace(settings, duration=fault.start + _WATCHED, faults=(fault,)), number, fault))
-        progress(k + 1, machines)
-    return ArmFaults(settings.arm.name, tuple(trials), tuple(healthy), 60.0 * minutes * machines)
+    return ArmFaults(settings.arm.name, tuple(trials), tuple(healthy), judged, tuple(unknown))
 
 
-def drawn_fault(arm: Arm, kind: Kind, generator: np.random.Generator) -> ChainFault:
-    """A fault of a kind at a drawn joint and time, of the size that is asked to be found."""
+def monitored(settings: ChainSettings) -> Learning:
+    """What the monitor of a running cell has come to at the end of a run."""
+    ran = run(settings)
+    return passed(settings.arm, ran.t, ran.q, ran.target, ran.effort)
+
+
+def drawn_fault(arm: Arm, kind: Kind, generator: np.random.Generator, healthy: float) -> ChainFault:
+    """A fault of a kind at a drawn joint and time after a healthy stretch, s, of a size that is to be found."""
     joint = int(generator.integers(len(arm))) if kind != "load" else 0
-    begin = HEALTHY + float(generator.uniform(2.0, _AFTER))
+    begin = healthy + float(generator.uniform(2.0, _AFTER))
     sense = float(generator.choice([-1.0, 1.0]))
     payload = arm.gripper.payload if arm.gripper is not None else _LEAST_PAYLOAD * sum(x.mass for x in arm.links)
     values = {"K": 0.8, "friction": 2.0, "load": 0.1 * payload, "bias": 0.01 * sense}
@@ -117,13 +133,10 @@ def drawn_fault(arm: Arm, kind: Kind, generator: np.random.Generator) -> ChainFa
     return ChainFault(kind, joint, value, begin, begin + _PUSH if kind == "push" else np.inf)
 
 
-def _tried(settings: ChainSettings, number: int, fault: ChainFault | None) -> Trial:
-    ran = run(settings)
-    found = first_fault(settings.arm, ran.t, ran.q, ran.target, ran.effort)
-    if fault is None:
-        return Trial(number, "", np.inf, "", found)
+def _tried(settings: ChainSettings, number: int, fault: ChainFault) -> Trial:
+    watch = monitored(settings).watch
     expected = "load" if fault.kind == "load" else f"{fault.kind}{fault.joint + 1}"
-    return Trial(number, str(fault), fault.start, expected, found)
+    return Trial(number, str(fault), fault.start, expected, None if watch is None else watch.finding)
 
 
 def _of(result: ArmFaults, kind: str) -> list[Trial]:
@@ -151,6 +164,7 @@ def arm_faults_figures(result: ArmFaults) -> dict[str, Any]:
         "false_alarms": sum(each.found is not None for each in result.healthy),
         "too_early": sum(each.found is not None and each.found.time < each.begin for each in result.trials),
         "judged_healthy": result.judged,
+        "unknown": list(result.unknown),
     }
 
 
@@ -169,7 +183,7 @@ def arm_faults_report(result: ArmFaults) -> Report:
     words = (
         f"{figures['sure_and_wrong']} were named wrong with no other cause beside it. Without a fault there were "
         f"{figures['false_alarms']} alarms in {result.judged / 60.0:g} minutes; {figures['too_early']} trials had an "
-        "alarm before their fault."
+        f"alarm before their fault. {len(result.unknown)} machines were not known in that time and had no trials."
     )
     return Report(f"Faults of drawn machines of {result.arm}", ("\n".join(rows), words))
 

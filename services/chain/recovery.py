@@ -125,8 +125,7 @@ class ArmRecovery:
 
     def _found(self, unit: MonitoredUnit) -> tuple[ChainFinding, Answer]:
         """A finding, and what follows from it with what the blocks count on now. Raises CommunicationError."""
-        size = -unit.size if unit.parameter.startswith("K") else unit.size
-        found = ChainFinding(unit.detected, unit.parameter, size, (), unit.confidence)
+        found = finding_of(unit)
         now = self._service.bus.ask(ADJUSTMENT, None, JointAdjustment)
         return found, answer_to(found, self._arm, Adjustment(now.offset, now.strength, now.friction, now.load))
 
@@ -171,6 +170,12 @@ class ArmRecovery:
     def _say(self, kind: EventKind, text: str) -> None:
         log.warning("%s", text)
         self._tell(Event(self._time, kind, text[:1000]))
+
+
+def finding_of(unit: MonitoredUnit) -> ChainFinding:
+    """The finding that a unit of a verdict tells of."""
+    size = -unit.size if unit.parameter.startswith("K") else unit.size
+    return ChainFinding(unit.detected, unit.parameter, size, unit.others, unit.confidence)
 
 
 def _key(unit: MonitoredUnit) -> Key:

@@ -17,7 +17,7 @@ def test_machines_take_turns_until_the_days_are_full() -> None:
 
 
 def test_a_healthy_machine_gives_no_alarm() -> None:
-    assert judge_shift(ArmShift("planar-2r", 5001, 1, 20.0)) == ""
+    assert judge_shift(ArmShift("planar-2r", 5001, 1, 20.0)) == ("", 20.0)
 
 
 @pytest.mark.parametrize(("alarms", "bound"), [((), 2.996), (("one",), 4.744)])

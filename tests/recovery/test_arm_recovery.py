@@ -11,10 +11,14 @@ from dtwin.arm.poses import Poses, drawn_poses
 from dtwin.controller.chain.application import Control, inputs
 from dtwin.controller.chain.embedded import ChainController
 from dtwin.emulation.chain.arms import arm_of
-from dtwin.emulation.chain.faults import KINDS, Kind
+from dtwin.emulation.chain.faults import KINDS, Kind, parse_chain_fault
 from dtwin.equations.rigid import usual_inertia
 from dtwin.monitoring.chain.finding import ChainFinding
+from dtwin.monitoring.chain.monitor import ArmMonitor
 from dtwin.recovery.chain.answers import MEASURES, ORDERS, answer_to
+from dtwin.run.arm_cell import ArmCell
+from dtwin.run.chain import run
+from dtwin.services.chain.recovery import finding_of
 from evidence.recovery.arms import arm_recovery_report, recovery_case
 
 ARM = arm_of("planar-2r")
@@ -62,6 +66,18 @@ def test_what_cannot_be_compensated_stops_the_arm_and_calls_a_person(found: Chai
     answer = answer_to(found, ARM, NONE)
     assert (answer.measure, answer.adjustment) == ("stop", None)
     assert answer.text.endswith("then `dtwin release`")
+
+
+def test_who_hears_a_verdict_answers_it_as_who_has_made_it() -> None:
+    """A joint that does not move looks like an encoder that has stopped: then nobody knows where it is."""
+    settings = ArmCell(arm="planar-2r", machine="2302").settings(36.0, 2302)
+    ran = run(replace(settings, faults=(parse_chain_fault("lock2@32", 2),)))
+    monitor = ArmMonitor(ARM, 30.0)
+    monitor.follow(ran.t, ran.q, ran.target, ran.effort)
+    (unit,) = monitor.verdict().findings
+    assert monitor.finding is not None
+    assert monitor.finding.others
+    assert finding_of(unit) == monitor.finding
 
 
 @pytest.mark.parametrize(

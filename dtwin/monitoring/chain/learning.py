@@ -7,6 +7,7 @@ would tell as a fault there the arm has just not done before; what follows the s
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
@@ -138,9 +139,8 @@ def acquainted(arm: Arm, t: Array, q: Array, target: Array, effort: Array, healt
             f"expected a log of more than {healthy:g} s, in which the arm is learned, got {seconds:g} s"
         )
     learning = Learning(arm, healthy)
-    for first in range(0, len(t), _AT_ONCE):
-        part = slice(first, first + _AT_ONCE)
-        learning.follow(t[part], q[part], target[part], effort[part])
+    for part in _parts(t, q, target, effort):
+        learning.follow(*part)
         if learning.doubt is not None:
             raise RecordingError(
                 f"{learning.words()}; expected at least {learning.least():.0f} s, without a fault and with all of "
@@ -149,3 +149,22 @@ def acquainted(arm: Arm, t: Array, q: Array, target: Array, effort: Array, healt
     assert learning.watch is not None
     learning.watch.end()
     return learning.watch
+
+
+def passed(arm: Arm, t: Array, q: Array, target: Array, effort: Array, healthy: float = HEALTHY) -> Learning:
+    """What the monitor of a running cell comes to whom the samples of a log have passed: see `acquainted`.
+
+    Where the healthy stretch does not suffice, it learns for longer, as `Learning` says.
+    """
+    learning = Learning(arm, healthy)
+    for part in _parts(t, q, target, effort):
+        learning.follow(*part)
+    if learning.watch is not None:
+        learning.watch.end()
+    return learning
+
+
+def _parts(t: Array, q: Array, target: Array, effort: Array) -> Iterator[tuple[Array, Array, Array, Array]]:
+    for first in range(0, len(t), _AT_ONCE):
+        part = slice(first, first + _AT_ONCE)
+        yield t[part], q[part], target[part], effort[part]

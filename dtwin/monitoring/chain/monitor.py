@@ -61,6 +61,11 @@ class ArmMonitor:
         return None if self._watch is None else self._watch.finding
 
     @property
+    def healthy(self) -> float:
+        """Length of the stretch in which the arm was learned from its motion, or is now, s."""
+        return self._learning.until
+
+    @property
     def learned(self) -> bool:
         """Whether the healthy arm is known."""
         return self._watch is not None
@@ -138,6 +143,7 @@ class ArmMonitor:
             found.time,
             settled,
             found.text(self._arm)[:1000],
+            found.others,
         )
 
     def _learn(self, t: Array, q: Array, target: Array, effort: Array) -> None:

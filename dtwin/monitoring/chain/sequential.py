@@ -13,10 +13,8 @@ import numpy as np
 
 from dtwin.arm.adjustment import Adjustment
 from dtwin.arm.chain import Arm, Array
-from dtwin.errors import RecordingError
-from dtwin.monitoring.chain.drives import WINDOWS, Drives
+from dtwin.monitoring.chain.drives import Drives
 from dtwin.monitoring.chain.encoders import STILL, Encoders, Habits, habits_of
-from dtwin.monitoring.chain.expected import EVERY
 from dtwin.monitoring.chain.finding import ChainFinding
 
 HEALTHY: Final = 60.0
@@ -29,8 +27,6 @@ LOADED, PUSHED = 0.1, 0.2
 """The same of a load in parts of the largest one, and of a push in parts of what the drive gives."""
 START: Final = 1.0
 """Time from the first sample in which an arm that is known already is not judged, s."""
-_AT_ONCE: Final = 2000
-"""Samples of a log that are judged at once."""
 
 
 class FirstFault:
@@ -196,44 +192,3 @@ def usual_size(arm: Arm, cause: str) -> float:
 
 def _none(joints: int) -> tuple[Array, Array, Array]:
     return np.zeros(0), np.zeros((0, joints)), np.zeros((0, joints))
-
-
-def first_fault(
-    arm: Arm, t: Array, q: Array, target: Array, effort: Array, healthy: float = HEALTHY
-) -> ChainFinding | None:
-    """The first fault after the healthy stretch; None if there is none.
-
-    Args:
-        arm: the arm as its data sheet says.
-        t: times of the samples, (N,), s, a period of the arm apart.
-        q: what the encoders read, (N, n), rad or m.
-        target: desired positions, (N, n).
-        effort: what acts at the samples, (N, n), in the units of the drives.
-        healthy: time from the beginning in which the arm is healthy, s.
-
-    Raises:
-        RecordingError: the log is not longer than the healthy stretch.
-    """
-    return watched(arm, t, q, target, effort, healthy).finding
-
-
-def watched(arm: Arm, t: Array, q: Array, target: Array, effort: Array, healthy: float = HEALTHY) -> FirstFault:
-    """The monitor after a log, as `first_fault` takes it.
-
-    Raises:
-        RecordingError: the log is not longer than the healthy stretch.
-    """
-    begin = int(np.searchsorted(t, t[0] + healthy)) if len(t) else 0
-    if begin >= len(t) - EVERY * WINDOWS[0]:
-        last = t[-1] - t[0] if len(t) else 0.0
-        raise RecordingError(
-            f"expected a log of more than {healthy:g} s, in which the arm is learned, got {last:g} s"
-        )
-    watch = FirstFault(arm, healthy)
-    for first in range(0, len(t), _AT_ONCE):
-        part = slice(first, first + _AT_ONCE)
-        watch.follow(t[part], q[part], target[part], effort[part])
-        if watch.settled:
-            break
-    watch.end()
-    return watch

@@ -8,7 +8,8 @@ from typing import Protocol
 from dtwin.arm.adjustment import Adjustment
 from dtwin.arm.chain import Arm, Array
 from dtwin.monitoring.chain.finding import ChainFinding
-from dtwin.monitoring.chain.sequential import HEALTHY, FirstFault
+from dtwin.monitoring.chain.monitor import ArmMonitor
+from dtwin.monitoring.chain.sequential import HEALTHY
 from dtwin.recovery.chain.answers import Answer, answer_to
 
 
@@ -34,7 +35,8 @@ class Step:
 class ArmOperator:
     """An operator.
 
-    After a measure the monitor goes on with what the blocks now count on, so that what is still wrong is found again.
+    Its monitor is that of a running cell. After a measure it goes on with what the blocks now count on, so that what
+    is still wrong is found again.
 
     Args:
         arm: the arm as its data sheet says.
@@ -42,6 +44,7 @@ class ArmOperator:
         healthy: time in which it is learned, s.
 
     Attributes:
+        monitor: looks for what is wrong.
         steps: what was done, in order.
         adjustment: what the blocks count on.
         stopped: whether the arm was stopped, after which nothing is answered any more.
@@ -50,7 +53,7 @@ class ArmOperator:
     def __init__(self, arm: Arm, blocks: AdjustableBlocks, healthy: float = HEALTHY) -> None:
         self._arm = arm
         self._blocks = blocks
-        self._watch = FirstFault(arm, healthy)
+        self.monitor = ArmMonitor(arm, healthy)
         self.steps: list[Step] = []
         self.adjustment = Adjustment.none(len(arm))
         self.stopped = False
@@ -59,17 +62,18 @@ class ArmOperator:
         """Takes samples, (N,) and (N, n) as `FirstFault.follow` does, and answers what is found in them."""
         if self.stopped:
             return
-        self._watch.follow(t, q, target, effort)
-        found = self._watch.finding
-        if found is None or not self._watch.settled:
-            return
+        known = len(self.monitor.history)
+        self.monitor.follow(t, q, target, effort)
+        for found in self.monitor.history[known:]:
+            self._answer(found)
+
+    def _answer(self, found: ChainFinding) -> None:
         answer = answer_to(found, self._arm, self.adjustment)
-        self.steps.append(Step(self._watch.time, found, answer))
+        self.steps.append(Step(self.monitor.time, found, answer))
         if answer.measure == "stop":
             self.stopped = True
             self._blocks.halt(angles_known=not found.angles_unknown)
-            return
-        if answer.adjustment is not None:
+        elif answer.adjustment is not None:
             self.adjustment = answer.adjustment
             self._blocks.adjust(answer.adjustment)
-        self._watch.resume(self.adjustment)
+            self.monitor.adjust(answer.adjustment)

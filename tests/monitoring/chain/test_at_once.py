@@ -5,7 +5,8 @@ from dataclasses import replace
 import pytest
 
 from dtwin.emulation.chain.faults import parse_chain_fault
-from dtwin.monitoring.chain.sequential import FirstFault, first_fault
+from dtwin.monitoring.chain.learning import acquainted
+from dtwin.monitoring.chain.sequential import FirstFault
 from dtwin.run.arm_cell import ArmCell
 from dtwin.run.chain import run
 
@@ -20,7 +21,7 @@ def test_a_jump_that_drives_answer_is_found_in_a_log(text: str) -> None:
     for k in range(0, len(ran.t), 20):
         part = slice(k, k + 20)
         watch.follow(ran.t[part], ran.q[part], ran.target[part], ran.effort[part])
-    found = first_fault(settings.arm, ran.t, ran.q, ran.target, ran.effort, HEALTHY)
+    found = acquainted(settings.arm, ran.t, ran.q, ran.target, ran.effort, HEALTHY).finding
     assert watch.finding is not None
     assert found is not None
     assert (found.cause, found.size) == (watch.finding.cause, pytest.approx(watch.finding.size))

@@ -13,10 +13,9 @@ from dtwin.cli import main
 from dtwin.emulation.chain.faults import parse_chain_fault
 from dtwin.errors import RecordingError
 from dtwin.monitoring.chain.finding import ChainFinding
-from dtwin.monitoring.chain.learning import acquainted
+from dtwin.monitoring.chain.learning import acquainted, passed
 from dtwin.monitoring.chain.monitor import ArmMonitor
 from dtwin.monitoring.chain.record import read_arm_record, record_of, write_arm_record
-from dtwin.monitoring.chain.sequential import first_fault
 from dtwin.run.arm_cell import ArmCell
 from dtwin.run.chain import ChainRun, run
 from dtwin.services.chain import check
@@ -58,6 +57,11 @@ def test_a_monitor_learns_for_longer_where_half_of_the_stretch_does_not_foretell
             ("fits", "the healthy arm is known from its motion"),
         ]
         assert monitor.history == []
+        assert monitor.healthy == 40.0
+    whole = passed(LATE_WRIST.arm, *rows_of(ran), 20.0)
+    assert whole.until == 40.0
+    assert whole.watch is not None
+    assert whole.watch.finding is None
 
 
 def test_a_stretch_that_never_suffices_is_begun_anew() -> None:
@@ -93,7 +97,7 @@ def test_a_monitor_that_knows_the_record_finds_from_the_first_sample_on_what_one
     assert watch.learned
     watch.follow(ran.t[known:], ran.q[known:], ran.target[known:], ran.effort[known:])
     watch.end()
-    told = first_fault(PLANAR.arm, ran.t, ran.q, ran.target, ran.effort, 29.9)
+    told = acquainted(PLANAR.arm, ran.t, ran.q, ran.target, ran.effort, 29.9).finding
     if not fault:
         assert told is watch.finding is None
         return
