@@ -23,6 +23,7 @@ from dtwin.equations.rigid import usual_inertia
 from dtwin.errors import ParameterError, UnreachableError
 from dtwin.run.arm_cell import ArmCell
 from dtwin.run.chain import ChainSettings, run, sorting_poses
+from dtwin.run.reserve import WEAK, asked_share, sure_share, with_reserve
 from evidence.experiment import SeriesCommand
 from evidence.report import Report, page, table
 from evidence.sorting import DELIVERED, FARTHEST, LONGEST, longest
@@ -32,7 +33,7 @@ LATE: Final = "a tick late"
 STIFF: Final = "worst friction"
 ELASTIC: Final = "gears that yield"
 WORN: Final = "worst friction and play"
-_MOTORS: Final = (0.8, 1.2)
+_MOTORS: Final = (WEAK, 1.2)
 """Torque of a motor, in parts of what it gives."""
 _WORST: Final = 2.0
 """Friction of stiff joints, in standard deviations of its logarithm above the data sheet's."""
@@ -107,6 +108,8 @@ def circumstances(arm: Arm) -> tuple[str, ...]:
 def drawn_task(arm: Arm, seed: int) -> Sorting:
     """A task whose points the tool reaches: those at poses that are drawn from the middle of the ranges.
 
+    Weak motors can do it as well: what they do not give is no question of control.
+
     Raises:
         ParameterError: none of those that were drawn can be done.
     """
@@ -117,10 +120,11 @@ def drawn_task(arm: Arm, seed: int) -> Sorting:
         masses = (_MASSES[0] * arm.most_load, _MASSES[1] * arm.most_load)
         task = Sorting(pick, dict(zip(_PLACES, rest, strict=True)), mass=masses)
         try:
-            sorting_poses(arm, task)
+            ways = sorting_poses(arm, task)
         except UnreachableError:
             continue
-        return task
+        if asked_share(with_reserve(arm, ways, masses[1]), ways, masses[1]) <= sure_share(arm):
+            return task
     raise ParameterError(f"arm {arm.name}: none of {_TRIES} drawn tasks can be done: expected --sort with a task")
 
 
@@ -128,7 +132,9 @@ def settings_of(item: ArmWork) -> ChainSettings:
     """The run of a piece of work."""
     cell = ArmCell(arm=item.arm, machine=str(item.machine), late=int(item.under == LATE))
     settings = cell.settings(item.duration, item.machine)
-    settings = replace(settings, poses=sorting_poses(settings.arm, item.task), sorting=item.task)
+    poses = sorting_poses(settings.arm, item.task)
+    arm = with_reserve(settings.arm, poses, item.task.mass[1])
+    settings = replace(settings, arm=arm, poses=poses, sorting=item.task)
     if item.under in (ELASTIC, WORN):
         arm = with_gears(settings.arm, _WEAR if item.under == WORN else 1.0)
         settings = replace(settings, arm=arm, machine=machine_of(str(item.machine), arm))

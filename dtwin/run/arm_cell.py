@@ -28,6 +28,7 @@ from dtwin.errors import ModelError, ParameterError, choices
 from dtwin.run.cell_file import content_of
 from dtwin.run.chain import ChainSettings, sorting_poses
 from dtwin.run.following import read_path
+from dtwin.run.reserve import with_reserve
 
 LONGEST: Final = 86_400.0
 """Longest run, s: all its ticks are kept in memory."""
@@ -79,6 +80,7 @@ class ArmCell:
         sorting = None if self.sort is None else read_sorting(self.sort)
         if sorting is not None:
             poses = sorting_poses(arm, sorting)
+            arm = with_reserve(arm, poses, sorting.mass[1])
         else:
             poses = poses_for(arm, self.poses, seed) if self.path is None else read_path(self.path, arm)
         control = Control(delay=min(self.late, 1) * arm.period)

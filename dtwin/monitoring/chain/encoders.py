@@ -27,6 +27,8 @@ _ALONE: Final = 0.5
 """Largest further way from the path beside a jump, in parts of it."""
 _LED: Final = 0.05
 """Way on which a joint is led meanwhile, rad or m."""
+_CREPT: Final = 0.01
+"""The same where it is farther from its path than friction explains, rad or m."""
 _NEAR: Final = 3.0
 """Steps of an encoder within which a joint stays."""
 _GRIPPED: Final = 5.0
@@ -115,15 +117,19 @@ class Encoders:
         first = max(0, len(jump) - new)
         for j in np.flatnonzero(jumps[first:].any(axis=0)):
             k = first + int(np.argmax(jumps[first:, j]))
-            yield ChainFinding(float(t[k + 3]), f"bias{j + 1}", float(jump[k, j]))
+            off = (q - target)[k : k + 3, j]  # what follows the jump is what the arm does about it
+            yield ChainFinding(float(t[k + 3]), f"bias{j + 1}", float(off[2] - 2.0 * off[1] + off[0]))
 
     def _stays(self, t: Array, q: Array, target: Array, new: int) -> Iterator[ChainFinding]:
         if len(t) <= STILL:
             return
         led = np.abs(target[STILL:] - target[:-STILL])
-        stays = (_width(q) <= _near(self._steps, self._noise, led)) & (led > np.maximum(_LED, _FACTOR * self._held))
+        width, held = _width(q), _FACTOR * self._held
+        repeats = (width == 0.0) & (led > np.maximum(_LED, held))
         # Friction gives way once its joint is so far behind that the feedback presses hard enough; a lock never does.
-        stays &= (_width(q) == 0.0) | (np.abs(q - target)[STILL:] > _GRIPPED * self._errors)
+        far = np.abs(q - target)[STILL:] > _GRIPPED * self._errors
+        left = far & (led > np.maximum(_CREPT, held)) & (width <= _PART * led)
+        stays = (width <= _near(self._steps, self._noise, led)) & (repeats | left)
         first = max(0, len(led) - new)
         for j in np.flatnonzero(stays[first:].any(axis=0)):
             k = first + int(np.argmax(stays[first:, j]))

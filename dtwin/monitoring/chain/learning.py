@@ -22,8 +22,9 @@ from dtwin.monitoring.settings import LEAST_HEALTHY
 
 _ROUND: Final = 10.0
 """Times that are asked for are multiples of it, s."""
-_AT_ONCE: Final = 2000
-"""Samples of a log that are judged at once."""
+_AT_ONCE: Final = 20
+"""Samples of a log that are judged at once: as few as beside a running cell, since what follows a suspicion that is
+taken back is not judged in what came together with it."""
 LONGER: Final = 4.0
 """Longest stretch that is learned, in parts of the one that was asked for."""
 

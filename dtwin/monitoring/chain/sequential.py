@@ -132,9 +132,10 @@ class FirstFault:
             self._judge(t, q, target, effort)
 
     def end(self) -> None:
-        """Names what there is evidence of, as no sample follows."""
-        if self.finding is None and self.drives is not None:
-            self.finding = self.drives.name()
+        """Names what there is evidence of, as no sample follows; what is small by then counts as none."""
+        if self.drives is not None and not self.settled:
+            found = self.finding or self.drives.name()
+            self.finding = None if self.drives.is_small(found) else found
 
     def _learn(self, t: Array, q: Array, target: Array, effort: Array) -> int:
         """Takes samples of the healthy stretch; returns how many of them belong to it."""
