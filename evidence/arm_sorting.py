@@ -23,6 +23,7 @@ from dtwin.equations.rigid import usual_inertia
 from dtwin.errors import ParameterError, UnreachableError
 from dtwin.run.arm_cell import ArmCell
 from dtwin.run.chain import ChainSettings, run, sorting_poses
+from dtwin.run.margins.gears import control_of
 from dtwin.run.reserve import WEAK, asked_share, sure_share, with_reserve
 from evidence.experiment import SeriesCommand
 from evidence.report import Report, page, table
@@ -137,7 +138,8 @@ def settings_of(item: ArmWork) -> ChainSettings:
     settings = replace(settings, arm=arm, poses=poses, sorting=item.task)
     if item.under in (ELASTIC, WORN):
         arm = with_gears(settings.arm, _WEAR if item.under == WORN else 1.0)
-        settings = replace(settings, arm=arm, machine=machine_of(str(item.machine), arm))
+        control = control_of(arm, settings.late)
+        settings = replace(settings, arm=arm, machine=machine_of(str(item.machine), arm), control=control)
     if item.under in (STIFF, WORN):
         return replace(settings, machine=_stiff(settings.machine, settings.arm))
     if item.under not in (USUAL, LATE, ELASTIC):

@@ -19,7 +19,6 @@ import numpy as np
 from dtwin.arm.chain import Arm
 from dtwin.arm.poses import Poses, drawn_poses, read_poses
 from dtwin.arm.sorting import read_sorting
-from dtwin.controller.chain.application import Control
 from dtwin.emulation.chain.arms import arm_of
 from dtwin.emulation.chain.faults import parse_chain_fault
 from dtwin.emulation.chain.machine import IDEAL, machine_of
@@ -28,6 +27,7 @@ from dtwin.errors import ModelError, ParameterError, choices
 from dtwin.run.cell_file import content_of
 from dtwin.run.chain import ChainSettings, sorting_poses
 from dtwin.run.following import read_path
+from dtwin.run.margins.gears import control_of
 from dtwin.run.reserve import with_reserve
 
 LONGEST: Final = 86_400.0
@@ -83,7 +83,7 @@ class ArmCell:
             arm = with_reserve(arm, poses, sorting.mass[1])
         else:
             poses = poses_for(arm, self.poses, seed) if self.path is None else read_path(self.path, arm)
-        control = Control(delay=min(self.late, 1) * arm.period)
+        control = control_of(arm, self.late)
         machine = machine_of(self.machine, arm)
         faults = tuple(parse_chain_fault(text, len(arm)) for text in self.faults)
         return ChainSettings(arm, machine, poses, control, duration, seed, self.late, sorting=sorting, faults=faults)

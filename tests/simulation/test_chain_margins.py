@@ -10,8 +10,8 @@ from dtwin.emulation.chain.arms import arm_of
 from dtwin.emulation.chain.machine import machine_of
 from dtwin.equations.rigid import mass_matrix
 from dtwin.run.chain import ChainSettings, run
-from dtwin.simulation.margins import chain
-from dtwin.simulation.margins.chain import margins
+from dtwin.run.margins import chain
+from dtwin.run.margins.chain import margins
 
 WIDE = Control(following=1e9)
 

@@ -22,7 +22,8 @@ from dtwin.emulation.chain.arms import arm_of, chain_of
 from dtwin.equations.rigid import inverse_dynamics
 from dtwin.errors import DtwinError, ModelError
 from dtwin.files import ensure_writable, replacing
-from dtwin.simulation.margins.chain import margins
+from dtwin.run.margins.chain import margins
+from dtwin.run.margins.gears import control_of
 from dtwin.terminal import as_text, print_json, print_table, printable
 
 _POSES = 200
@@ -127,7 +128,7 @@ def _weak(arm: Arm) -> list[str]:
 def _unstable(arm: Arm) -> list[str]:
     """Why the loop would fall over at some of the drawn poses, as lines for people; nothing if it does not."""
     try:
-        if all(each.stable for each in margins(arm, Control())):
+        if all(each.stable for each in margins(arm, control_of(arm))):
             return []
     except ModelError as error:
         return [str(error)]

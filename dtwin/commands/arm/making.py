@@ -10,13 +10,14 @@ from typing import Annotated, Final
 import tyro
 
 from dtwin.arm.poses import read_poses
-from dtwin.controller.chain.application import LIBRARY, Control, Devices, inputs, network, system
+from dtwin.controller.chain.application import LIBRARY, Devices, inputs, network, system
 from dtwin.emulation.chain.arms import arm_of
 from dtwin.equations.rigid import usual_inertia
 from dtwin.errors import ParameterError
 from dtwin.files import ensure_writable, replacing
 from dtwin.names import counted
 from dtwin.run.following import read_path
+from dtwin.run.margins.gears import control_of
 from dtwin.terminal import printable
 from iec61499.deploy.system_file import system_text
 
@@ -53,7 +54,7 @@ class FbMake:
             raise ParameterError("--poses and --path: expected one of them")
         poses = None if self.poses is None else read_poses(self.poses, arm)
         poses = poses if self.path is None else read_path(self.path, arm)
-        control = Control(delay=arm.period if self.late else 0.0)
+        control = control_of(arm, int(self.late))
         values = inputs(arm, usual_inertia(arm), control, poses)
         with contextlib.suppress(OSError):  # what cannot be made is told as what cannot be written
             self.out.parent.mkdir(parents=True, exist_ok=True)

@@ -8,10 +8,10 @@ import numpy as np
 from rich.table import Table
 
 from dtwin.arm.chain import Arm
-from dtwin.controller.chain.application import Control
 from dtwin.emulation.chain.arms import arm_of
 from dtwin.errors import ParameterError
-from dtwin.simulation.margins.chain import JointMargins, margins
+from dtwin.run.margins.chain import JointMargins, margins
+from dtwin.run.margins.gears import control_of
 from dtwin.terminal import as_text, print_json, print_table
 
 
@@ -24,7 +24,7 @@ def print_margins(name: str, poses: int, late: float, json: bool) -> int:
     if late != int(late) or not 0.0 <= late <= 10.0:
         raise ParameterError(f"--late: expected 0 to 10 whole ticks for the arm of --arm, got {late:g}")
     arm = arm_of(name)
-    control = Control(delay=min(late, 1.0) * arm.period)
+    control = control_of(arm, int(late))
     found = margins(arm, control, poses, late=int(late))
     if json:
         print_json({joint.name: _figures(one) for joint, one in zip(arm.joints, found, strict=True)})

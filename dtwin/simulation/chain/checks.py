@@ -16,7 +16,7 @@ from dtwin.emulation.chain.machine import NOMINAL, machine_of
 from dtwin.equations.rigid import usual_inertia
 from dtwin.errors import ParameterError
 from dtwin.run.chain import ChainSettings, run
-from dtwin.simulation.margins.chain import margins
+from dtwin.run.margins.chain import margins
 
 MOST_INERTIA: Final = 3.0
 """Largest and, inverted, least usual inertia of a joint, in parts of the data sheet's."""

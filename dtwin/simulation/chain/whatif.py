@@ -12,8 +12,8 @@ from dtwin.arm.model import ArmModel
 from dtwin.controller.chain.application import Control
 from dtwin.errors import ParameterError
 from dtwin.run.chain import ChainSettings
+from dtwin.run.margins.chain import JointMargins, margins
 from dtwin.simulation.chain.checks import OBSERVERS, POLES, SLOWEST, check_model
-from dtwin.simulation.margins.chain import JointMargins, margins
 
 SPEEDS: Final = (SLOWEST, 2.0)
 """Speeds of paths that are tried, in parts of the data sheet's."""

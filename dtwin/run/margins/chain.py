@@ -109,32 +109,59 @@ def _check_masses(arm: Arm, masses: Array) -> None:
 
 
 def _plant(arm: Arm, q: Array, masses: Array, late: int) -> Loop:
-    """From torques to positions, both (n,), held for a tick and late by whole ticks; states are q, q', what waits."""
+    """From torques to what encoders read, both (n,), held for a tick and late by whole ticks.
+
+    States are the positions of the joints, what motors are ahead of those whose gears yield, the velocities of all
+    that, and what waits.
+    """
     from scipy.linalg import expm  # loaded for margins alone: who checks bounds before each tick needs none
 
     n = len(arm)
-    viscous = _viscous(arm)
     _check_masses(arm, masses)
-    inverse = np.linalg.inv(masses)
-    still = np.zeros((n, n))
-    step = 1e-30
-    weight = inverse_dynamics(arm, q[None] + 1j * step * np.eye(n), still, still).imag.T / step
-    wide = np.zeros((3 * n, 3 * n))
-    wide[:n, n : 2 * n] = np.eye(n)
-    wide[n : 2 * n] = np.hstack([-inverse @ weight, -inverse @ viscous, inverse])
+    inertia, damping, stiffness, driven, read = _moving(arm, q, masses)
+    moving = len(inertia)
+    inverse = np.linalg.inv(inertia)
+    wide = np.zeros((2 * moving + n, 2 * moving + n))
+    wide[:moving, moving : 2 * moving] = np.eye(moving)
+    wide[moving : 2 * moving] = np.hstack([-inverse @ stiffness, -inverse @ damping, inverse @ driven])
     flow = expm(wide * arm.period)
-    size = 2 * n + late * n
+    first = 2 * moving
+    size = first + late * n
     a, b, c = np.zeros((size, size)), np.zeros((size, n)), np.zeros((n, size))
-    a[: 2 * n, : 2 * n] = flow[: 2 * n, : 2 * n]
-    c[:, :n] = np.eye(n)
+    a[:first, :first] = flow[:first, :first]
+    c[:, :moving] = read
     if not late:
-        b[: 2 * n] = flow[: 2 * n, 2 * n :]
+        b[:first] = flow[:first, first:]
         return a, b, c, np.zeros((n, n))
-    a[: 2 * n, 2 * n : 3 * n] = flow[: 2 * n, 2 * n :]
+    a[:first, first : first + n] = flow[:first, first:]
     for k in range(late - 1):
-        a[2 * n + k * n : 3 * n + k * n, 3 * n + k * n : 4 * n + k * n] = np.eye(n)
+        a[first + k * n : first + (k + 1) * n, first + (k + 1) * n : first + (k + 2) * n] = np.eye(n)
     b[-n:] = np.eye(n)
     return a, b, c, np.zeros((n, n))
+
+
+def _moving(arm: Arm, q: Array, masses: Array) -> tuple[Array, Array, Array, Array, Array]:
+    """Inertia, damping and stiffness of what moves, (m, m) each, how torques drive it, (m, n), and encoders read it.
+
+    That are the n joints, and for each whose gear yields what its motor is ahead (Spong 1987). Play is left out.
+    """
+    n = len(arm)
+    still, step = np.zeros((n, n)), 1e-30
+    weight = inverse_dynamics(arm, q[None] + 1j * step * np.eye(n), still, still).imag.T / step
+    gears = [(k, joint.transmission) for k, joint in enumerate(arm.joints) if joint.transmission is not None]
+    ahead = np.eye(n)[:, [k for k, _ in gears]]
+    motors = np.hstack([np.eye(n), ahead])  # positions of the motors from those of all that moves
+    rotors = np.diag([joint.actuator.rotor or 0.0 for joint in arm.joints])
+    none = np.zeros((n, len(gears)))
+    inertia = motors.T @ rotors @ motors
+    inertia[:n, :n] += masses - rotors
+    damping = motors.T @ _viscous(arm) @ motors
+    damping[n:, n:] += np.diag([gear.damping for _, gear in gears])
+    stiffness = np.block([[weight, none], [none.T, np.diag([gear.stiffness for _, gear in gears])]])
+    read = motors.copy()
+    for column, (k, gear) in enumerate(gears):
+        read[k, n + column] = float(gear.encoder == "motor")
+    return inertia, damping, stiffness, motors.T, read
 
 
 def _law(control: Control, ts: float) -> Loop:

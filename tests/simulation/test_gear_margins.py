@@ -1,0 +1,60 @@
+"""Margins of arms whose gears yield, and how they are controlled."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dtwin.arm.chain import Arm, Transmission
+from dtwin.controller.chain.application import Control
+from dtwin.emulation.chain.arms import arm_of
+from dtwin.emulation.chain.machine import machine_of
+from dtwin.equations.rigid import usual_inertia
+from dtwin.run.arm_cell import ArmCell
+from dtwin.run.chain import run
+from dtwin.run.margins.chain import margins
+from dtwin.run.margins.gears import control_of
+
+ARM = arm_of("planar-2r")
+
+
+def geared(hertz: float) -> Arm:
+    """The arm with rotors of half of its usual inertia, and gears on which both oscillate against each other."""
+    joints = []
+    for joint, own in zip(ARM.joints, usual_inertia(ARM).tolist(), strict=True):
+        rotor, w = 0.5 * own, 2.0 * np.pi * hertz
+        both = rotor * own / (rotor + own)
+        gear = Transmission(w**2 * both, 0.06 * w * both, 0.0)
+        joints.append(replace(joint, actuator=replace(joint.actuator, rotor=rotor), transmission=gear))
+    return replace(ARM, joints=tuple(joints))
+
+
+def away(arm: Arm, control: Control) -> float:
+    """Largest distance of a joint from its path in the last second of five, rad."""
+    settings = ArmCell(arm="planar-2r").settings(5.0, 1)
+    ran = run(replace(settings, arm=arm, machine=machine_of("nominal", arm), control=control))
+    return float(np.abs(ran.error[-100:]).max())
+
+
+def test_gears_that_hardly_yield_change_no_margin() -> None:
+    stiff = geared(2000.0)
+    rigid = replace(stiff, joints=tuple(replace(joint, transmission=None) for joint in stiff.joints))
+    for one, other in zip(margins(stiff, Control(), 2), margins(rigid, Control(), 2), strict=True):
+        assert one.modulus == pytest.approx(other.modulus, abs=1e-3)
+        assert one.delay == pytest.approx(other.delay, rel=1e-2)
+
+
+def test_an_arm_whose_gears_oscillate_under_the_usual_feedback_gets_a_slower_one() -> None:
+    """The linear loop and the emulation with all its friction say the same of both."""
+    arm = geared(30.0)
+    control = control_of(arm)
+    assert [joint.stable for joint in margins(arm, Control(), 4)] == [False, False]
+    assert all(joint.stable for joint in margins(arm, control, 4))
+    assert away(arm, Control()) > 0.3
+    assert away(arm, control) < 0.02
+
+
+def test_an_arm_of_whose_gears_nothing_is_told_is_controlled_as_usual() -> None:
+    assert control_of(ARM) == Control()
+    assert control_of(ARM, 1) == Control(delay=ARM.period)
+    assert control_of(arm_of("servo-2r")) == Control()
