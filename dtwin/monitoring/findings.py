@@ -48,7 +48,7 @@ _MOVES: Final = 0.1
 """rad/s"""
 _TOGETHER: Final = 0.3
 """s between the change of a mass and a movement of the box that are one matter"""
-_WORKS: Final = 1.0
+WORKS: Final = 1.0
 """s for which an encoder that had stopped has to work until it is said to: one that stops again is told once"""
 _SURE: Final = 3.0
 """standard deviations"""
@@ -230,7 +230,7 @@ class Findings:
                 self._stood[i] = time
             if readings.frozen[i] and trusted and not self.blind and readings.proven[i]:
                 self.enter(time, finding(fault, time - count * PERIOD, time))
-            elif time >= self._stood[i] + _WORKS and count == 0 and (name in self.current or name in self._tolerated):
+            elif time >= self._stood[i] + WORKS and count == 0 and (name in self.current or name in self._tolerated):
                 self.end(time, name)
 
     def _stirred(self, since: float) -> bool:

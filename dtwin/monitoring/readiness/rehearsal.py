@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from dtwin.bus.messages import TOGETHER
 from dtwin.monitoring.estimation.belief import Belief
 from dtwin.monitoring.estimation.estimator import Estimator
+from dtwin.monitoring.findings import WORKS
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.settings import MonitorSettings
 from dtwin.monitoring.tracking.samples import Samples
@@ -137,4 +138,4 @@ class Rehearsal:
         """Finds an encoder that stops for a while, and one that jumps."""
         for ill in (_STOPPED, _SHIFTED):
             self._work(SHORT, ill)
-            self._work(SHORT)
+            self._work(SHORT + round(WORKS / PERIOD))
