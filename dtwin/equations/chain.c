@@ -1,359 +1,272 @@
-/* Forward dynamics of a serial chain whose joint axes are the z axes of their frames, and its integration.
+/* Forward dynamics of a serial chain whose joint axes are the z axes of their frames.
  *
- * Inverse dynamics: the recursion of Luh, Walker and Paul. Mass matrix: the composite-rigid-body method, as columns of
- * inverse dynamics of unit accelerations would cost n times as much. Solved by Cholesky, M = L L^T.
- * The layout of a link's numbers is that of native.py: rotation (9, row by row), translation (3), mass, first
- * moments (3), inertia Jxx Jxy Jyy Jxz Jyz Jzz about the origin, 1 if the joint turns, rotor, viscous friction.
+ * Everything is told along the axes of the base and about its origin, where twists, wrenches and inertias of links add
+ * up as they are (Featherstone 2008, ch. 2). An operation is then the same for all links, for several of which compilers
+ * do it at once. Inverse dynamics is the recursion of Newton and Euler, the mass matrix that of composite bodies (ch. 5
+ * and 6 there), solved as M = L D L^T.
  */
 #include "chain.h"
 #include <math.h>
 
-#define TANH_IS_ONE 19.0 /* tanh of more is 1 */
-#define CONVERGED 1e-8 /* of the width, and from there on quadratically */
-#define BALANCED 1e-9 /* of the largest friction */
-enum { MOST_TURNS = 100 };
-enum { R = 0, P = 9, M = 12, H = 13, J = 16, TURNS = 22, ROTOR = 23, VISCOUS = 24, SIZE = 25 };
+enum { XX = 0, XY = JOINTS, YY = 2 * JOINTS, XZ = 3 * JOINTS, YZ = 4 * JOINTS, ZZ = 5 * JOINTS }; /* rows of inertias */
 
-static void cross(const double *a, const double *b, double *c)
+struct vector {
+    double x, y, z;
+};
+
+/* A body's first moments and inertia about the origin, and its mass; each for all links. */
+struct bodies {
+    double mass[JOINTS], moment[3 * JOINTS], inertia[6 * JOINTS];
+};
+
+/* Twists or wrenches of all links: angular velocity or moment, and velocity at the origin or force. */
+struct screws {
+    double angular[3 * JOINTS], linear[3 * JOINTS];
+};
+
+static inline struct vector at(const double *rows, int i)
 {
-    c[0] = a[1] * b[2] - a[2] * b[1];
-    c[1] = a[2] * b[0] - a[0] * b[2];
-    c[2] = a[0] * b[1] - a[1] * b[0];
+    return (struct vector){rows[i], rows[JOINTS + i], rows[2 * JOINTS + i]};
 }
 
-/* Attitude e (row by row) and origin d of a frame in the one before at position q. */
-static void place(const double *link, double q, double *e, double *d)
+static inline void put(double *rows, int i, struct vector a)
 {
-    const double *r = link + R;
-    const double c = link[TURNS] ? cos(q) : 1.0, s = link[TURNS] ? sin(q) : 0.0, z = link[TURNS] ? 0.0 : q;
-    for (int i = 0; i < 3; i++) {
-        e[3 * i] = c * r[3 * i] + s * r[3 * i + 1];
-        e[3 * i + 1] = c * r[3 * i + 1] - s * r[3 * i];
-        e[3 * i + 2] = r[3 * i + 2];
-        d[i] = link[P + i] + z * r[3 * i + 2];
+    rows[i] = a.x;
+    rows[JOINTS + i] = a.y;
+    rows[2 * JOINTS + i] = a.z;
+}
+
+static inline struct vector sum(struct vector a, struct vector b)
+{
+    return (struct vector){a.x + b.x, a.y + b.y, a.z + b.z};
+}
+
+static inline struct vector scaled(double s, struct vector a) { return (struct vector){s * a.x, s * a.y, s * a.z}; }
+
+static inline double dot(struct vector a, struct vector b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+
+static inline struct vector cross(struct vector a, struct vector b)
+{
+    return (struct vector){a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+}
+
+/* The vector whose components along axes x, y and z are those of a. */
+static inline struct vector along(struct vector x, struct vector y, struct vector z, struct vector a)
+{
+    return sum(sum(scaled(a.x, x), scaled(a.y, y)), scaled(a.z, z));
+}
+
+/* J a with the inertia of link i. */
+static inline struct vector by_inertia(const double *j, int i, struct vector a)
+{
+    return (struct vector){j[XX + i] * a.x + j[XY + i] * a.y + j[XZ + i] * a.z,
+                           j[XY + i] * a.x + j[YY + i] * a.y + j[YZ + i] * a.z,
+                           j[XZ + i] * a.x + j[YZ + i] * a.y + j[ZZ + i] * a.z};
+}
+
+/* Adds up from the base on (way 1), or from the tool on (way -1). */
+static inline void accumulate(double *row, int way)
+{
+    for (int k = 1; k < JOINTS; k++) {
+        const int i = way > 0 ? k : JOINTS - 1 - k;
+        row[i] += row[i - way];
     }
 }
 
-static void into(const double *e, const double *v, double *out)
+static inline void accumulate_screws(struct screws *of, int way)
 {
-    for (int i = 0; i < 3; i++)
-        out[i] = e[i] * v[0] + e[3 + i] * v[1] + e[6 + i] * v[2];
-}
-
-static void out_of(const double *e, const double *v, double *out)
-{
-    for (int i = 0; i < 3; i++)
-        out[i] = e[3 * i] * v[0] + e[3 * i + 1] * v[1] + e[3 * i + 2] * v[2];
-}
-
-static void times(const double *j, const double *v, double *out)
-{
-    out[0] = j[0] * v[0] + j[1] * v[1] + j[3] * v[2];
-    out[1] = j[1] * v[0] + j[2] * v[1] + j[4] * v[2];
-    out[2] = j[3] * v[0] + j[4] * v[1] + j[5] * v[2];
-}
-
-/* Torques h of the motion without acceleration: centrifugal, Coriolis and gravity. */
-static void bias(int n, const double *links, const double *gravity, double (*e)[9], double (*d)[3], const double *qd,
-                 double *h)
-{
-    double f[MOST][3], m[MOST][3], w[3] = {0, 0, 0}, b[3] = {0, 0, 0};
-    double a[3] = {-gravity[0], -gravity[1], -gravity[2]};
-    for (int i = 0; i < n; i++) {
-        const double *link = links + SIZE * i;
-        double u[3], v[3], t[3], carried[3];
-        cross(b, d[i], u);
-        cross(w, d[i], v);
-        cross(w, v, t);
-        for (int k = 0; k < 3; k++)
-            carried[k] = a[k] + u[k] + t[k];
-        into(e[i], w, u);
-        into(e[i], b, v);
-        into(e[i], carried, a);
-        for (int k = 0; k < 3; k++) {
-            w[k] = u[k];
-            b[k] = v[k];
-        }
-        if (link[TURNS]) {
-            b[0] += w[1] * qd[i];
-            b[1] -= w[0] * qd[i];
-            w[2] += qd[i];
-        } else {
-            a[0] += 2.0 * w[1] * qd[i];
-            a[1] -= 2.0 * w[0] * qd[i];
-        }
-        cross(b, link + H, u);
-        cross(w, link + H, v);
-        cross(w, v, t);
-        for (int k = 0; k < 3; k++)
-            f[i][k] = link[M] * a[k] + u[k] + t[k];
-        times(link + J, w, v);
-        cross(w, v, t);
-        times(link + J, b, u);
-        cross(link + H, a, v);
-        for (int k = 0; k < 3; k++)
-            m[i][k] = u[k] + t[k] + v[k];
-    }
-    for (int i = n - 1; i >= 0; i--) {
-        h[i] = links[SIZE * i + TURNS] ? m[i][2] : f[i][2];
-        if (i) {
-            double force[3], moment[3], lever[3];
-            out_of(e[i], f[i], force);
-            out_of(e[i], m[i], moment);
-            cross(d[i], force, lever);
-            for (int k = 0; k < 3; k++) {
-                f[i - 1][k] += force[k];
-                m[i - 1][k] += moment[k] + lever[k];
-            }
-        }
+    for (int k = 0; k < 3; k++) {
+        accumulate(of->angular + k * JOINTS, way);
+        accumulate(of->linear + k * JOINTS, way);
     }
 }
 
-/* Lower triangle of the mass matrix with rotors. */
-static void masses(int n, const double *links, double (*e)[9], double (*d)[3], double (*mass)[MOST])
+/* Axes and origins of all frames. */
+static void frames(const struct links *links, const double *q, double *xs, double *ys, double *zs, double *origins)
 {
-    double body[MOST][10];
-    for (int i = 0; i < n; i++)
-        for (int k = 0; k < 10; k++)
-            body[i][k] = links[SIZE * i + M + k];
-    for (int i = n - 1; i >= 0; i--) {
-        const double *own = body[i], *h = own + 1, *j = own + 4;
-        double f[3], m[3];
-        if (links[SIZE * i + TURNS]) {
-            f[0] = -h[1], f[1] = h[0], f[2] = 0.0; /* z x h */
-            m[0] = j[3], m[1] = j[4], m[2] = j[5];
-        } else {
-            f[0] = 0.0, f[1] = 0.0, f[2] = own[0];
-            m[0] = h[1], m[1] = -h[0], m[2] = 0.0; /* h x z */
+    double right[3 * JOINTS], up[3 * JOINTS], axis[3 * JOINTS], step[3 * JOINTS]; /* in the frame before */
+    double c[JOINTS], s[JOINTS], slid[JOINTS];
+    struct vector x = {1.0, 0.0, 0.0}, y = {0.0, 1.0, 0.0}, z = {0.0, 0.0, 1.0}, origin = {0.0, 0.0, 0.0};
+    for (int i = 0; i < JOINTS; i++) {
+        const double angle = links->turns[i] * q[i];
+        c[i] = cos(angle);
+        s[i] = sin(angle);
+        slid[i] = q[i] - angle;
+    }
+    for (int k = 0; k < 3; k++) {
+        const double *r = links->rotation + 3 * k * JOINTS, *t = links->translation + k * JOINTS;
+        for (int i = 0; i < JOINTS; i++) {
+            right[k * JOINTS + i] = c[i] * r[i] + s[i] * r[JOINTS + i];
+            up[k * JOINTS + i] = c[i] * r[JOINTS + i] - s[i] * r[i];
+            axis[k * JOINTS + i] = r[2 * JOINTS + i];
+            step[k * JOINTS + i] = t[i] + slid[i] * r[2 * JOINTS + i];
         }
-        for (int k = i; k >= 0; k--) {
-            mass[i][k] = links[SIZE * k + TURNS] ? m[2] : f[2];
-            double force[3], moment[3], lever[3];
-            out_of(e[k], f, force);
-            out_of(e[k], m, moment);
-            cross(d[k], force, lever);
-            for (int x = 0; x < 3; x++) {
-                f[x] = force[x];
-                m[x] = moment[x] + lever[x];
-            }
-        }
-        mass[i][i] += links[SIZE * i + ROTOR];
-        if (i) {
-            /* the body in the frame before: J' = E J E^T + shift of the first moments and the mass to the origin */
-            double g[3], c[9], t[9];
-            const double full[9] = {j[0], j[1], j[3], j[1], j[2], j[4], j[3], j[4], j[5]};
-            const double *q = e[i], *p = d[i];
-            out_of(q, h, g);
-            for (int r = 0; r < 3; r++)
-                for (int s = 0; s < 3; s++)
-                    t[3 * r + s] = q[3 * r] * full[s] + q[3 * r + 1] * full[3 + s] + q[3 * r + 2] * full[6 + s];
-            for (int r = 0; r < 3; r++)
-                for (int s = 0; s < 3; s++)
-                    c[3 * r + s] = t[3 * r] * q[3 * s] + t[3 * r + 1] * q[3 * s + 1] + t[3 * r + 2] * q[3 * s + 2];
-            const double pg = p[0] * g[0] + p[1] * g[1] + p[2] * g[2];
-            const double pp = p[0] * p[0] + p[1] * p[1] + p[2] * p[2], x = 2.0 * pg + own[0] * pp;
-            for (int r = 0; r < 3; r++)
-                for (int s = 0; s < 3; s++)
-                    c[3 * r + s] += (r == s ? x : 0.0) - p[r] * g[s] - g[r] * p[s] - own[0] * p[r] * p[s];
-            double *before = body[i - 1];
-            before[0] += own[0];
-            for (int k = 0; k < 3; k++)
-                before[1 + k] += g[k] + own[0] * p[k];
-            before[4] += c[0], before[5] += c[3], before[6] += c[4];
-            before[7] += c[6], before[8] += c[7], before[9] += c[8];
+    }
+    for (int i = 0; i < JOINTS; i++) {
+        const struct vector to_right = along(x, y, z, at(right, i)), upward = along(x, y, z, at(up, i));
+        origin = sum(origin, along(x, y, z, at(step, i)));
+        z = along(x, y, z, at(axis, i));
+        x = to_right;
+        y = upward;
+        put(xs, i, x);
+        put(ys, i, y);
+        put(zs, i, z);
+        put(origins, i, origin);
+    }
+}
+
+/* Turns the links' own numbers to the axes of the base and shifts them to its origin (parallel axes). */
+static void place(const struct links *links, const double *xs, const double *ys, const double *zs,
+                  const double *origins, struct bodies *body)
+{
+    const double *j = links->inertia;
+    double *into = body->inertia;
+    for (int i = 0; i < JOINTS; i++) {
+        const struct vector x = at(xs, i), y = at(ys, i), z = at(zs, i), p = at(origins, i);
+        const struct vector g = along(x, y, z, at(links->moment, i)), h = sum(g, scaled(links->mass[i], p));
+        const struct vector a = along(x, y, z, (struct vector){j[XX + i], j[XY + i], j[XZ + i]});
+        const struct vector b = along(x, y, z, (struct vector){j[XY + i], j[YY + i], j[YZ + i]});
+        const struct vector c = along(x, y, z, (struct vector){j[XZ + i], j[YZ + i], j[ZZ + i]});
+        const double shift = dot(p, sum(g, h));
+        body->mass[i] = links->mass[i];
+        put(body->moment, i, h);
+        into[XX + i] = a.x * x.x + b.x * y.x + c.x * z.x + (shift - p.x * g.x - h.x * p.x);
+        into[XY + i] = a.y * x.x + b.y * y.x + c.y * z.x - (p.y * g.x + h.y * p.x);
+        into[YY + i] = a.y * x.y + b.y * y.y + c.y * z.y + (shift - p.y * g.y - h.y * p.y);
+        into[XZ + i] = a.z * x.x + b.z * y.x + c.z * z.x - (p.z * g.x + h.z * p.x);
+        into[YZ + i] = a.z * x.y + b.z * y.y + c.z * z.y - (p.z * g.y + h.z * p.y);
+        into[ZZ + i] = a.z * x.z + b.z * y.z + c.z * z.z + (shift - p.z * g.z - h.z * p.z);
+    }
+}
+
+/* Twists of the joints at unit velocity, and how links move without accelerations of the joints: their twists, and
+ * their accelerations less gravity. */
+static void motion(const struct links *links, const double *gravity, const double *zs, const double *origins,
+                   const double *qd, struct screws *unit, struct screws *twist, struct screws *rate)
+{
+    for (int i = 0; i < JOINTS; i++) {
+        const double turns = links->turns[i];
+        const struct vector z = at(zs, i), p = at(origins, i), angular = scaled(turns, z);
+        const struct vector linear = sum(cross(p, angular), scaled(1.0 - turns, z));
+        put(unit->angular, i, angular);
+        put(unit->linear, i, linear);
+        put(twist->angular, i, scaled(qd[i], angular));
+        put(twist->linear, i, scaled(qd[i], linear));
+    }
+    accumulate_screws(twist, 1);
+    for (int i = 0; i < JOINTS; i++) {
+        const struct vector w = at(twist->angular, i), v = at(twist->linear, i);
+        const struct vector angular = scaled(qd[i], at(unit->angular, i)), linear = scaled(qd[i], at(unit->linear, i));
+        put(rate->angular, i, cross(w, angular));
+        put(rate->linear, i, sum(cross(w, linear), cross(v, angular)));
+    }
+    put(rate->linear, 0, sum(at(rate->linear, 0), (struct vector){-gravity[0], -gravity[1], -gravity[2]}));
+    accumulate_screws(rate, 1);
+}
+
+/* The wrenches by which links move so: I a + v x* I v. */
+static void wrenches(const struct bodies *body, const struct screws *twist, const struct screws *rate,
+                     struct screws *wrench)
+{
+    for (int i = 0; i < JOINTS; i++) {
+        const struct vector h = at(body->moment, i), w = at(twist->angular, i), v = at(twist->linear, i);
+        const struct vector b = at(rate->angular, i), a = at(rate->linear, i);
+        const struct vector momentum = sum(scaled(body->mass[i], v), cross(w, h));
+        const struct vector spin = sum(by_inertia(body->inertia, i, w), cross(h, v));
+        const struct vector force = sum(scaled(body->mass[i], a), cross(b, h));
+        const struct vector moment = sum(by_inertia(body->inertia, i, b), cross(h, a));
+        put(wrench->linear, i, sum(force, cross(w, momentum)));
+        put(wrench->angular, i, sum(moment, sum(cross(w, spin), cross(v, momentum))));
+    }
+}
+
+/* The mass matrix of composite bodies, each of which is a link and all that it carries; its lower triangle counts. */
+static void masses(const struct bodies *composite, const struct screws *unit, const double *rotor,
+                   double (*mass)[JOINTS])
+{
+    struct screws needed; /* wrenches for unit accelerations of the joints */
+    for (int i = 0; i < JOINTS; i++) {
+        const struct vector w = at(unit->angular, i), v = at(unit->linear, i), h = at(composite->moment, i);
+        put(needed.linear, i, sum(scaled(composite->mass[i], v), cross(w, h)));
+        put(needed.angular, i, sum(by_inertia(composite->inertia, i, w), cross(h, v)));
+    }
+    for (int i = 0; i < JOINTS; i++) {
+        const struct vector moment = at(needed.angular, i), force = at(needed.linear, i);
+        for (int k = 0; k < JOINTS; k++)
+            mass[i][k] = dot(at(unit->angular, k), moment) + dot(at(unit->linear, k), force);
+        mass[i][i] += rotor[i];
+    }
+}
+
+/* M = L D L^T; M is overwritten. */
+static void factorise(double (*mass)[JOINTS], struct equations *found)
+{
+    for (int k = 0; k < JOINTS; k++) {
+        const double reciprocal = 1.0 / mass[k][k];
+        found->reciprocal[k] = reciprocal;
+        for (int i = k + 1; i < JOINTS; i++) {
+            const double l = mass[i][k] * reciprocal;
+            for (int j = k + 1; j <= i; j++)
+                mass[i][j] -= l * mass[j][k];
+            found->lower[i][k] = l;
         }
     }
 }
 
-/* Torques of the motion without acceleration, and the factor of the mass matrix with rotors: its lower triangle, with
- * the reciprocals of its diagonal, as a division takes as long as several products. */
-static void factor(int n, const double *links, const double *gravity, const double *q, const double *qd,
-                   double (*lower)[MOST], double *h)
+void chain_equations(const struct links *links, const double *gravity, const double *q, const double *qd,
+                     struct equations *found)
 {
-    double e[MOST][9], d[MOST][3];
-    for (int i = 0; i < n; i++)
-        place(links + SIZE * i, q[i], e[i], d[i]);
-    bias(n, links, gravity, e, d, qd, h);
-    masses(n, links, e, d, lower);
-    for (int i = 0; i < n; i++) {
-        for (int k = 0; k <= i; k++) {
-            double sum = lower[i][k];
-            for (int l = 0; l < k; l++)
-                sum -= lower[i][l] * lower[k][l];
-            lower[i][k] = k == i ? 1.0 / sqrt(sum) : sum * lower[k][k];
-        }
-    }
-    for (int i = 0; i < n; i++)
-        h[i] += links[SIZE * i + VISCOUS] * qd[i];
+    double xs[3 * JOINTS], ys[3 * JOINTS], zs[3 * JOINTS], origins[3 * JOINTS], mass[JOINTS][JOINTS];
+    struct bodies body;
+    struct screws unit, twist, rate, wrench;
+    frames(links, q, xs, ys, zs, origins);
+    place(links, xs, ys, zs, origins, &body);
+    motion(links, gravity, zs, origins, qd, &unit, &twist, &rate);
+    wrenches(&body, &twist, &rate, &wrench);
+    accumulate_screws(&wrench, -1);
+    for (int i = 0; i < JOINTS; i++)
+        found->h[i] = dot(at(unit.angular, i), at(wrench.angular, i)) + dot(at(unit.linear, i), at(wrench.linear, i)) +
+                      links->viscous[i] * qd[i];
+    accumulate(body.mass, -1);
+    for (int k = 0; k < 3; k++)
+        accumulate(body.moment + k * JOINTS, -1);
+    for (int k = 0; k < 6; k++)
+        accumulate(body.inertia + k * JOINTS, -1);
+    masses(&body, &unit, links->rotor, mass);
+    factorise(mass, found);
 }
 
-/* x from L L^T x = y; both may be one. */
-static void solve(int n, double (*lower)[MOST], const double *y, double *x)
+void chain_solve(const struct equations *equations, const double *y, double *x)
 {
-    for (int i = 0; i < n; i++) {
-        double rest = y[i];
+    double z[JOINTS];
+    for (int i = 0; i < JOINTS; i++) {
+        z[i] = y[i];
         for (int k = 0; k < i; k++)
-            rest -= lower[i][k] * x[k];
-        x[i] = rest * lower[i][i];
+            z[i] -= equations->lower[i][k] * z[k];
     }
-    for (int i = n - 1; i >= 0; i--) {
-        for (int k = i + 1; k < n; k++)
-            x[i] -= lower[k][i] * x[k];
-        x[i] *= lower[i][i];
+    for (int i = JOINTS - 1; i >= 0; i--) {
+        z[i] *= equations->reciprocal[i];
+        for (int k = i + 1; k < JOINTS; k++)
+            z[i] -= equations->lower[k][i] * z[k];
     }
+    for (int i = 0; i < JOINTS; i++)
+        x[i] = z[i];
 }
 
-void chain_forward(int n, const double *links, const double *gravity, const double *q, const double *qd,
+void chain_forward(const struct links *links, const double *gravity, const double *q, const double *qd,
                    const double *tau, double *qdd)
 {
-    double lower[MOST][MOST], h[MOST], rest[MOST];
-    factor(n, links, gravity, q, qd, lower, h);
-    for (int i = 0; i < n; i++)
-        rest[i] = tau[i] - h[i];
-    solve(n, lower, rest, qdd);
+    struct equations equations;
+    double rest[JOINTS];
+    chain_equations(links, gravity, q, qd, &equations);
+    for (int i = 0; i < JOINTS; i++)
+        rest[i] = tau[i] - equations.h[i];
+    chain_solve(&equations, rest, qdd);
 }
 
-static double dry_torque(const struct dry *dry, int i) { return dry->coulomb[i] + dry->share[i] * dry->carried[i]; }
-
-void chain_accelerate(int n, const double *links, const double *gravity, const double *q, const double *qd,
-                      const double *tau, const struct dry *dry, double *qdd)
-{
-    double left[MOST];
-    for (int i = 0; i < n; i++) {
-        const double most = dry ? dry_torque(dry, i) : 0.0;
-        left[i] = tau[i] - (most != 0.0 ? most * tanh(qd[i] / dry->width) : 0.0);
-    }
-    chain_forward(n, links, gravity, q, qd, left, qdd);
-}
-
-/* v from v + k tanh(v / w) = c, near a first guess, by Newton's method. Beyond 0 the function is concave, so that a
- * step never leads above the root; both v = c - k and the root of the tangent at 0 are below it. */
-static double opposed(double c, double k, double w, double guess)
-{
-    const double size = fabs(c), least = fmax(size - k, size / (1.0 + k / w));
-    double v = fmax(least, c < 0.0 ? -guess : guess);
-    if (least >= TANH_IS_ONE * w)
-        return copysign(least, c);
-    for (int turn = 0; turn < MOST_TURNS; turn++) {
-        const double t = tanh(v / w), change = (size - v - k * t) / (1.0 + k / w * (1.0 - t * t));
-        v = fmax(least, v + change);
-        if (fabs(change) <= CONVERGED * w)
-            break;
-    }
-    return copysign(v, c);
-}
-
-/* Friction that is constant in a step and belongs to the velocities at its end, v = v0 + M^-1 (y - f) step with
- * f = F tanh(v / w), so that a joint can stand still in steps of any length. Solved joint by joint, in turn. */
-static void friction(int n, double (*lower)[MOST], const double *y, const double *qd, const struct dry *dry,
-                     double step, double *f)
-{
-    double a[MOST][MOST], v[MOST];
-    for (int k = 0; k < n; k++) {
-        double unit[MOST] = {0};
-        unit[k] = step;
-        solve(n, lower, unit, a[k]);
-        f[k] = dry_torque(dry, k) * tanh(qd[k] / dry->width);
-    }
-    for (int i = 0; i < n; i++) {
-        v[i] = qd[i];
-        for (int k = 0; k < n; k++)
-            v[i] += a[i][k] * (y[k] - f[k]);
-    }
-    for (int turn = 0; turn < MOST_TURNS; turn++) {
-        double moved = 0.0;
-        for (int i = 0; i < n; i++) {
-            const double most = dry_torque(dry, i), free = v[i] + a[i][i] * f[i];
-            const double now = (free - opposed(free, a[i][i] * most, dry->width, v[i])) / a[i][i], change = now - f[i];
-            if (most == 0.0)
-                continue;
-            f[i] = now;
-            for (int k = 0; k < n; k++)
-                v[k] -= a[k][i] * change;
-            moved = fmax(moved, fabs(change) / most);
-        }
-        if (moved <= BALANCED)
-            break;
-    }
-}
-
-/* What a step begins with: friction, which is taken from the torques, the accelerations, and what the gears carry. */
-static void begin(int n, const double *links, const double *gravity, const double *q, const double *qd,
-                  const struct dry *dry, double step, double *tau, double *qdd)
-{
-    double lower[MOST][MOST], h[MOST], rest[MOST], f[MOST];
-    factor(n, links, gravity, q, qd, lower, h);
-    for (int i = 0; i < n; i++)
-        rest[i] = tau[i] - h[i];
-    friction(n, lower, rest, qd, dry, step, f);
-    for (int i = 0; i < n; i++) {
-        tau[i] -= f[i];
-        rest[i] -= f[i];
-    }
-    solve(n, lower, rest, qdd);
-    for (int i = 0; i < n; i++) {
-        const double *link = links + SIZE * i;
-        dry->carried[i] = fabs(tau[i] - link[VISCOUS] * qd[i] - link[ROTOR] * qdd[i]);
-    }
-}
-
-/* Steps of the Runge-Kutta method of fourth order under constant torques; q and qd go on. Friction that grows with the
- * load follows the torque that each gear carried to its link at the beginning of the step before. */
-void chain_advance(int n, const double *links, const double *gravity, double *q, double *qd, const double *tau,
-                   const struct dry *dry, double step, int steps)
-{
-    static const double parts[4] = {0.0, 0.5, 0.5, 1.0};
-    for (int s = 0; s < steps; s++) {
-        double a[4][MOST], v[4][MOST], x[MOST], left[MOST];
-        for (int i = 0; i < n; i++) {
-            v[0][i] = qd[i];
-            left[i] = tau[i];
-        }
-        if (dry)
-            begin(n, links, gravity, q, qd, dry, step, left, a[0]);
-        else
-            chain_forward(n, links, gravity, q, qd, left, a[0]);
-        for (int k = 1; k < 4; k++) {
-            for (int i = 0; i < n; i++) {
-                x[i] = q[i] + parts[k] * step * v[k - 1][i];
-                v[k][i] = qd[i] + parts[k] * step * a[k - 1][i];
-            }
-            chain_forward(n, links, gravity, x, v[k], left, a[k]);
-        }
-        for (int i = 0; i < n; i++) {
-            q[i] += step / 6.0 * (v[0][i] + 2.0 * v[1][i] + 2.0 * v[2][i] + v[3][i]);
-            qd[i] += step / 6.0 * (a[0][i] + 2.0 * a[1][i] + 2.0 * a[2][i] + a[3][i]);
-        }
-    }
-}
-
-int32_t chain_move(void *plant, const double *torque)
-{
-    const struct chain_plant *arm = plant;
-    int32_t finite = 1;
-    chain_advance(arm->joints, arm->links, arm->gravity, arm->q, arm->qd, torque, arm->dry, arm->step, arm->steps);
-    for (int i = 0; i < arm->joints; i++)
-        finite = finite && isfinite(arm->q[i]);
-    return finite;
-}
-
-/* Forward dynamics of many states, row by row. */
-void chain_forward_many(int count, int n, const double *links, const double *gravity, const double *q,
+void chain_forward_many(int count, const struct links *links, const double *gravity, const double *q,
                         const double *qd, const double *tau, double *qdd)
 {
     for (int k = 0; k < count; k++)
-        chain_forward(n, links, gravity, q + n * k, qd + n * k, tau + n * k, qdd + n * k);
-}
-
-/* The motion under a row of torques for each tick of `steps` steps: states before every tick, row by row. */
-void chain_rollout(int ticks, int n, const double *links, const double *gravity, double *q, double *qd,
-                   const double *tau, double step, int steps, double *positions, double *velocities)
-{
-    for (int k = 0; k < ticks; k++) {
-        for (int i = 0; i < n; i++) {
-            positions[n * k + i] = q[i];
-            velocities[n * k + i] = qd[i];
-        }
-        chain_advance(n, links, gravity, q, qd, tau + n * k, 0, step, steps);
-    }
+        chain_forward(links, gravity, q + JOINTS * k, qd + JOINTS * k, tau + JOINTS * k, qdd + JOINTS * k);
 }

@@ -1,39 +1,39 @@
-/* The equations of a serial chain; see chain.c. */
+/* The equations of motion of a serial chain of JOINTS joints; see chain.c. */
 #ifndef CHAIN_H
 #define CHAIN_H
 
-#include <stdint.h>
+#include "constants.h" /* defines JOINTS */
 
-enum { MOST = 32 }; /* largest number of joints */
-
-/* Dry friction: torques against the motion, and parts of the torque that a gear carries, which follows from the motion. */
-struct dry {
-    const double *coulomb, *share;
-    double *carried;
-    double width; /* velocity over which it changes sign */
+/* The numbers of all links, in frames whose z axes are the axes of their joints. What has several numbers a link has a
+ * row of all links for each of them. */
+struct links {
+    double rotation[9 * JOINTS];    /* of a frame in the one before at q = 0, row by row */
+    double translation[3 * JOINTS]; /* of its origin there */
+    double mass[JOINTS], moment[3 * JOINTS];
+    double inertia[6 * JOINTS]; /* Jxx Jxy Jyy Jxz Jyz Jzz about the origin; moment: the first moments */
+    double turns[JOINTS];       /* 1 if the joint turns, 0 if it slides */
+    double rotor[JOINTS], viscous[JOINTS];
 };
 
-void chain_forward(int n, const double *links, const double *gravity, const double *q, const double *qd,
+/* The equations M q'' + h = tau at positions and velocities. The mass matrix has the rotors and is L D L^T: below its
+ * diagonal `lower` has L, whose diagonal is 1; h has centrifugal, Coriolis and viscous torques and gravity. */
+struct equations {
+    double lower[JOINTS][JOINTS], reciprocal[JOINTS]; /* reciprocal: of D, as a division takes long */
+    double h[JOINTS];
+};
+
+void chain_equations(const struct links *links, const double *gravity, const double *q, const double *qd,
+                     struct equations *found);
+
+/* x from M x = y; both may be one. */
+void chain_solve(const struct equations *equations, const double *y, double *x);
+
+/* Accelerations under torques of the drives. */
+void chain_forward(const struct links *links, const double *gravity, const double *q, const double *qd,
                    const double *tau, double *qdd);
-void chain_accelerate(int n, const double *links, const double *gravity, const double *q, const double *qd,
-                      const double *tau, const struct dry *dry, double *qdd);
-void chain_advance(int n, const double *links, const double *gravity, double *q, double *qd, const double *tau,
-                   const struct dry *dry, double step, int steps);
-/* An arm that is moved tick by tick. */
-struct chain_plant {
-    int32_t joints, steps;
-    double step;
-    const double *links, *gravity;
-    double *q, *qd;
-    const struct dry *dry; /* null for none */
-};
 
-/* Goes on by a tick, a `struct chain_plant`, under torques that are held; whether the motion is finite. */
-int32_t chain_move(void *plant, const double *torque);
-
-void chain_forward_many(int count, int n, const double *links, const double *gravity, const double *q,
+/* As before, of many states, row by row. */
+void chain_forward_many(int count, const struct links *links, const double *gravity, const double *q,
                         const double *qd, const double *tau, double *qdd);
-void chain_rollout(int ticks, int n, const double *links, const double *gravity, double *q, double *qd,
-                   const double *tau, double step, int steps, double *positions, double *velocities);
 
 #endif

@@ -1,16 +1,17 @@
 """The equations of a serial chain as machine code: forward dynamics, and the motion under given torques.
 
 The same equations as in `rigid`, written for speed in chain.c; a test holds both together. The machine code is made
-once by the system's C compiler and kept.
+once for a number of joints by the system's C compiler and kept.
 """
 
 from __future__ import annotations
 
 import ctypes
+import platform
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -19,14 +20,14 @@ from dtwin.errors import ModelError
 from iec61499.native.build import load
 
 _FOLDER: Final = Path(__file__).parent
-_FILES: Final = ("chain.h", "chain.c")
+_FILES: Final = ("chain.h", "chain.c", "moving.h", "moving.c")
 _MOST: Final = 32
-_SIZE: Final = 25
-"""Numbers of a link; see chain.c."""
-
 
 _FLAGS: Final = ("-std=c99", "-O3", "-fPIC", "-shared", "-ffp-contract=off", "-fno-math-errno")
 """Of the C compiler: it may reorder operations, but not change what they give."""
+_PROCESSOR: Final = Path("/proc/cpuinfo")
+_OWN: Final = ("-march=native",) if platform.machine() == "x86_64" and _PROCESSOR.is_file() else ()
+"""Further ones, by which it may use all that this processor can do."""
 _WIDTH: Final = 0.01
 """Least velocity over which dry friction changes its sign, rad/s or m/s."""
 
@@ -45,18 +46,17 @@ class NativeChain:
     def __init__(self, arm: Arm) -> None:
         if len(arm) > _MOST:
             raise ModelError(f"arm {arm.name}: expected at most {_MOST} joints, got {len(arm)}")
-        self._library = _library()
+        self._library = _library(len(arm))
         self._n = len(arm)
         self._links = _numbers(arm)
         self._gravity = np.ascontiguousarray(arm.gravity, dtype=np.float64)
+        self._code = _Code(self._library.chain_move, self._links, self._gravity)
 
     def forward_dynamics(self, q: Array, qd: Array, tau: Array) -> Array:
         """The accelerations of N states under torques of the drives, (N, n) each, by friction and rotors too."""
         q, qd, tau = (self._rows(values) for values in (q, qd, tau))
         found = np.empty_like(q)
-        self._library.chain_forward_many(
-            len(q), self._n, *map(_pointer, (self._links, self._gravity, q, qd, tau, found))
-        )
+        self._library.chain_forward_many(len(q), *map(_pointer, (self._links, self._gravity, q, qd, tau, found)))
         return found
 
     def rollout(self, q: Array, qd: Array, tau: Array, step: float, steps: int) -> tuple[Array, Array]:
@@ -77,7 +77,6 @@ class NativeChain:
         positions, velocities = np.empty_like(tau), np.empty_like(tau)
         self._library.chain_rollout(
             len(tau),
-            self._n,
             *map(_pointer, (self._links, self._gravity, q, qd, tau)),
             ctypes.c_double(step),
             steps,
@@ -86,8 +85,8 @@ class NativeChain:
         return np.vstack([positions, q]), np.vstack([velocities, qd])
 
     def moving(self, q: Array, qd: Array, step: float, steps: int, dry: DryFriction | None = None) -> MovingChain:
-        """The arm in motion from a state on, (n,) each, by steps (s) of the Runge-Kutta method in each tick."""
-        return MovingChain(self._library, (self._links, self._gravity), (q, qd), step, steps, dry)
+        """The arm in motion from a state on, (n,) each; a tick has some short steps (s)."""
+        return MovingChain(self._code, (q, qd), step, steps, dry)
 
     def _rows(self, values: Array) -> Array:
         return np.ascontiguousarray(values, dtype=np.float64).reshape(-1, self._n)
@@ -107,6 +106,10 @@ class DryFriction:
     share: Array
     width: float
 
+    def __post_init__(self) -> None:
+        for name in ("coulomb", "share"):  # the machine code reads them where they are
+            object.__setattr__(self, name, np.ascontiguousarray(getattr(self, name), dtype=np.float64))
+
 
 class _Dry(ctypes.Structure):
     _fields_ = (
@@ -119,22 +122,29 @@ class _Dry(ctypes.Structure):
 
 class _Plant(ctypes.Structure):
     _fields_ = (
-        ("joints", ctypes.c_int32),
-        ("steps", ctypes.c_int32),
+        *((name, ctypes.c_int32) for name in ("steps", "known", "wait")),
         ("step", ctypes.c_double),
-        *((name, ctypes.c_void_p) for name in ("links", "gravity", "q", "qd", "dry")),
+        *((name, ctypes.c_void_p) for name in ("links", "gravity", "dry", "state")),
     )
+
+
+class _Code:
+    """What moves an arm: the function, its numbers of the links and gravity, and the addresses of all three."""
+
+    def __init__(self, function: Any, links: Array, gravity: Array) -> None:
+        self.function, self.kept = function, (links, gravity)
+        self.address: int = ctypes.cast(function, ctypes.c_void_p).value or 0
+        self.links, self.gravity = links.ctypes.data, gravity.ctypes.data
 
 
 class MovingChain:
     """An arm that goes on tick by tick.
 
     Args:
-        library: the machine code.
-        numbers: of the links, and gravity.
+        code: what moves it.
         state: positions and velocities at the beginning, (n,) each.
-        step: step of the Runge-Kutta method of fourth order, s.
-        steps: steps in a tick.
+        step: a short step, of the Runge-Kutta method of fourth order, s.
+        steps: short steps in a tick, which has a single one where that is as exact.
         dry: its dry friction; None for none.
 
     Attributes:
@@ -146,25 +156,23 @@ class MovingChain:
 
     def __init__(
         self,
-        library: ctypes.CDLL,
-        numbers: tuple[Array, Array],
+        code: _Code,
         state: tuple[Array, Array],
         step: float,
         steps: int,
         dry: DryFriction | None,
     ) -> None:
-        self.q, self.qd = (np.array(values, dtype=np.float64) for values in state)
-        n = len(self.q)
-        friction: _Dry | None = None
-        rows: tuple[Array, ...] = ()
+        n = len(state[0])
+        kept = np.zeros((n + 5, n))  # `struct state`
+        kept[0], kept[1] = state
+        self.q, self.qd = kept[0], kept[1]
+        place, friction = kept.ctypes.data, None
         if dry is not None:
-            rows = tuple(np.array(values, dtype=np.float64) for values in (dry.coulomb, dry.share, np.zeros(n)))
-            friction = _Dry(*(row.ctypes.data for row in rows), dry.width)
-        places = (each.ctypes.data for each in (*numbers, self.q, self.qd))
-        made = _Plant(n, steps, step, *places, None if friction is None else ctypes.addressof(friction))
-        self._kept = numbers, rows, friction, made  # the machine code has their addresses
-        self._move = library.chain_move
-        self.move: int = ctypes.cast(self._move, ctypes.c_void_p).value or 0
+            friction = _Dry(dry.coulomb.ctypes.data, dry.share.ctypes.data, place + 16 * n, dry.width)
+        dried = None if friction is None else ctypes.addressof(friction)
+        made = _Plant(steps, 0, 0, step, code.links, code.gravity, dried, place)
+        self._kept = code, dry, friction, kept, made  # the machine code has their addresses
+        self._move, self.move = code.function, code.address
         self.plant = ctypes.addressof(made)
 
     def advance(self, torque: Array) -> bool:
@@ -174,14 +182,14 @@ class MovingChain:
 
 
 def _numbers(arm: Arm) -> Array:
-    """The numbers of all links, (n, 25), in the frames whose z axes are the axes of the joints."""
+    """The numbers of all links, (25, n), in the frames whose z axes are the axes of the joints: `struct links`."""
     chain = aligned(arm)
-    found = np.empty((len(arm), _SIZE))
+    found = np.empty((len(arm), 25))
     for row, joint, link in zip(found, chain.joints, chain.links, strict=True):
         row[:9], row[9:12] = joint.rotation.ravel(), joint.translation
         row[12:22] = link.parameters
         row[22:] = float(joint.turns), joint.actuator.rotor or 0.0, joint.friction.viscous
-    return found
+    return np.ascontiguousarray(found.T)
 
 
 def width_of(arm: Arm, step: float) -> float:
@@ -205,7 +213,15 @@ def _pointer(values: Array) -> ctypes.c_void_p:
     return ctypes.c_void_p(values.ctypes.data)
 
 
-@lru_cache(maxsize=1)
-def _library() -> ctypes.CDLL:
+@cache
+def _library(joints: int) -> ctypes.CDLL:
     texts = {name: (_FOLDER / name).read_text() for name in _FILES}
-    return load("".join(texts.values()), "chain", lambda: texts, _FLAGS)
+    texts["constants.h"] = f"#define JOINTS {joints}\n"
+    subject = "".join([*texts.values(), _processor() if _OWN else ""])
+    return load(subject, "chain", lambda: texts, (*_FLAGS, *_OWN))
+
+
+def _processor() -> str:
+    """What this processor can do: machine code that is kept for it is of no use on another one."""
+    lines = _PROCESSOR.read_text().splitlines()
+    return next((line for line in lines if line.startswith("flags")), "")

@@ -98,7 +98,7 @@ def _parts(arm: Arm, subject: Subject, start: Mapping[str, str]) -> Parts:
     texts = texts_of((f"{subject}.h", f"{subject}.c", *_PARTS[subject]), "chain")
     if subject != "controller":
         texts["geometry.h"] = _geometry(arm)
-        for name in ("chain.h", "chain.c"):
+        for name in ("chain.h", "chain.c", "moving.h", "moving.c"):
             texts[name] = (files("dtwin.equations") / name).read_text()
     if subject != "twin":
         texts["messages.h"] = _messages(len(arm))

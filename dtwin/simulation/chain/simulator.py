@@ -90,16 +90,18 @@ class ArmSimulator:
         if done.problem != FINE:
             blocks.check(done.problem)
         t: Array = np.arange(len(done.q), dtype=np.float64) * period
-        reached = len(np.unique(done.pose)) - 1 + blocks.done
+        reached = len(set(done.pose.tolist())) - 1 + blocks.done
         return ArmOutcome(t, done.q, done.target, done.command / self._drives.limit, blocks.stop, reached)
 
-    def _carrying(self, payload: float) -> tuple[NativeChain, DryFriction]:
-        """The twin with a load, kg."""
+    def _carrying(self, payload: float) -> tuple[NativeChain, DryFriction | None]:
+        """The twin with a load, kg, and its dry friction if it has any."""
         if not 0.0 <= payload <= self._settings.arm.most_load:
             raise ParameterError(f"payload: expected 0 to {self._settings.arm.most_load:g} kg, got {payload:g}")
         twin = holding(self._real, payload)
         coulomb = np.array([joint.friction.coulomb for joint in twin.joints])
         share = np.array([joint.friction.load for joint in twin.joints])
+        if not coulomb.any() and not share.any():
+            return NativeChain(twin), None
         return NativeChain(twin), DryFriction(coulomb, share, _SHARP * min(joint.speed for joint in twin.joints))
 
     def _in_python(self, plant: MovingChain, waiting: Array, ticks: int, rest: int) -> Ticks:

@@ -3,16 +3,15 @@
 #include <math.h>
 #include <string.h>
 
-#include "chain.h"
 #include "geometry.h"
+#include "moving.h"
 
 /* A share of a step that is rounding alone. */
 #define ROUNDING 1e-9
-#define SIZE 25 /* numbers of a link in chain.c */
 
 /* What the equations need of the parameters. */
 struct coefficients {
-    double links[JOINTS * SIZE];
+    struct links links;
     double torque[JOINTS]; /* of the drives */
 };
 
@@ -57,21 +56,35 @@ static void turned(const double *body, const double (*axes)[3], double *out)
     }
 }
 
+/* A row of all joints for each of some numbers of joint i. */
+static void set_column(const double *numbers, int count, int i, double *rows)
+{
+    int k;
+    for (k = 0; k < count; ++k) {
+        rows[k * JOINTS + i] = numbers[k];
+    }
+}
+
 static void coefficients_of(const struct arm *arm, struct coefficients *equations)
 {
+    struct links *links = &equations->links;
     int i;
     for (i = 0; i < JOINTS; ++i) {
-        double body[10], *link = equations->links + SIZE * i;
+        double body[10], own[10];
         const double command = fmin(fmax(arm->u[i], -arm->limit[i]), arm->limit[i]);
         memcpy(body, arm->body[i], sizeof body);
         if (i == JOINTS - 1) {
             point_mass(arm->payload, chain_tool, body);
         }
-        memcpy(link, chain_frames[i], 12 * sizeof *link);
-        turned(body, chain_axes[i], link + 12);
-        link[22] = chain_turns[i];
-        link[23] = arm->rotor[i];
-        link[24] = arm->viscous[i];
+        turned(body, chain_axes[i], own);
+        set_column(chain_frames[i], 9, i, links->rotation);
+        set_column(chain_frames[i] + 9, 3, i, links->translation);
+        links->mass[i] = own[0];
+        set_column(own + 1, 3, i, links->moment);
+        set_column(own + 4, 6, i, links->inertia);
+        links->turns[i] = chain_turns[i];
+        links->rotor[i] = arm->rotor[i];
+        links->viscous[i] = arm->viscous[i];
         equations->torque[i] = arm->constant[i] * command;
     }
 }
@@ -85,7 +98,7 @@ static struct dry dry_of(struct arm *arm)
 static void accelerate(struct arm *arm, const struct coefficients *equations)
 {
     const struct dry dry = dry_of(arm);
-    chain_accelerate(JOINTS, equations->links, chain_gravity, arm->q, arm->qd, equations->torque, &dry, arm->qdd);
+    chain_accelerate(&equations->links, chain_gravity, arm->q, arm->qd, equations->torque, &dry, arm->qdd);
 }
 
 static void put_to_start(struct arm *arm)
@@ -141,7 +154,7 @@ const char *arm_advance(struct arm *arm, double duration, double rounding)
     int i;
     coefficients_of(arm, &equations);
     for (k = 0.0; k < steps && finite; k += 1.0) {
-        chain_advance(JOINTS, equations.links, chain_gravity, arm->q, arm->qd, equations.torque, &dry, step, 1);
+        chain_advance(&equations.links, chain_gravity, arm->q, arm->qd, equations.torque, &dry, step, 1);
         finite = is_finite(arm);
     }
     accelerate(arm, &equations);
