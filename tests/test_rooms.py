@@ -166,7 +166,7 @@ def test_files_and_folders_stay_small() -> None:
 
 def is_kernel(function: ast.FunctionDef | ast.AsyncFunctionDef) -> bool:
     """Whether it is compiled. Numba counts the references to every array of a structure that is handed over, which
-    makes a sample of the monitor a fifth slower than the same arrays in a row do."""
+    takes longer than the same arrays in a row."""
     return any(ast.unparse(decorator).startswith("kernel") for decorator in function.decorator_list)
 
 

@@ -142,6 +142,14 @@ def test_an_encoder_whose_noise_does_not_show_any_more_has_stopped_at_rest_too(n
     assert seen == [False] * 14 + [stopped] * 2
 
 
+@pytest.mark.parametrize("fault", ["K2*=0.5", "bias3+=0.05"])
+def test_other_faults_are_found_through_such_encoders(fault: str) -> None:
+    monitor = monitored(14, 3, 17.5, fault=f"{fault}@12.5")
+    assert monitor.history
+    assert monitor.history[0].parameter == fault.split("*")[0].split("+")[0]
+    assert 12.5 < monitor.history[0].detected < 13.5
+
+
 def test_an_encoder_that_rounds_nothing_has_stopped_after_ten_equal_readings() -> None:
     """Only samples that are lost repeat one, and nine in a row are not."""
     readings, generator = Readings((3e-4,) * 3), np.random.default_rng(0)

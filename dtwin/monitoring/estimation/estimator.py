@@ -142,7 +142,8 @@ class Estimator:
         possible = np.empty(SIZE)
         kernels.bound(self.x, self._least, self._most, gripped, possible)
         end, self.F = self._motion.carry(possible, volts, gripped, self._locked)
-        self._growth[self._scaled] = (end[:W] - possible[:W])[self._scaled]
+        for i in self._scaled:
+            self._growth[i] = end[i] - possible[i]
         kernels.carry(self.x, end, self.memory, self._growth)
         torque, displaced, slowed = np.empty(3), np.empty(3), np.empty(3)
         kernels.disturb(self.arrays(), volts, self._motion.arrays(gripped).later, doubt, torque, displaced, slowed)

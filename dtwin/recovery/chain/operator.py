@@ -65,7 +65,8 @@ class ArmOperator:
         known = len(self.monitor.history)
         self.monitor.follow(t, q, target, effort)
         for found in self.monitor.history[known:]:
-            self._answer(found)
+            if not self.stopped:
+                self._answer(found)
 
     def _answer(self, found: ChainFinding) -> None:
         answer = answer_to(found, self._arm, self.adjustment)
