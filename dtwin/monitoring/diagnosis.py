@@ -363,7 +363,9 @@ class Diagnosis:
         return candidate.peak if candidate.fault.kind in _AT_ONCE else 0.0
 
     def _prune(self) -> None:
-        top = max(candidate.gain for candidate in self.candidates)
+        # A push that has not ended yet allows nearly any motion: beside it nothing is hopeless.
+        proven = [each.gain for each in self.candidates if not (each.fault.about.passing and each.waits)]
+        top = max(proven, default=max(each.gain for each in self.candidates))
         least = top - _HOPELESS * self._temper
         # What an encoder that has stopped does not explain may be what the arm hits because of that.
         self.candidates = [
