@@ -3,19 +3,26 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import msgspec
 import pytest
 
 import dtwin
+from dtwin.bus.twin_messages import Upload
 from dtwin.cli import main
-from dtwin.controller.settings import ControlSettings
+from dtwin.commands.simulation import simulate
+from dtwin.controller.settings import ControlSettings, usual_gains
 from dtwin.identification.machine.record import write_record
+from dtwin.parameters import PERIOD, PICKUP, ArmParameters
 from dtwin.run.cell import Cell
 from dtwin.run.settings import CellSettings
+from dtwin.signals import Sensors, Voltages
 from dtwin.simulation.history import Entry, History
+from dtwin.simulation.whatif import MotionCase
 from dtwin.twin.effects import Effects
 from tests.support.records import recorded
 
@@ -136,3 +143,39 @@ def test_mistakes_are_one_line(words: list[str], message: str, capsys: pytest.Ca
     assert message in said
     assert said.startswith("dtwin: ")
     assert said.count("\n") == 1
+
+
+@pytest.mark.parametrize(("payload", "holds", "load"), [(None, True, 0.2), (None, False, 0.0), (0.1, False, 0.1)])
+def test_the_load_of_a_running_arm_is_what_it_holds(
+    payload: float | None, holds: bool, load: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Unless another one is asked for."""
+    monkeypatch.setattr(simulate, "connect", lambda cell: _Running(holds))
+    found = simulate.Simulate(payload=payload, live=True)._from_live(MotionCase("red"))
+    assert (found.payload, found.theta) == (load, PICKUP.theta)
+    assert found.omega == pytest.approx((0.1, 0.0, 0.0))
+
+
+class _Running:
+    """A running cell: what it tells of an arm that moves, and does as its own bus."""
+
+    def __init__(self, holds: bool) -> None:
+        self._holds, self.bus = holds, self
+
+    def __enter__(self) -> _Running:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+    def samples(self) -> Iterator[Sensors]:
+        first, second, third = PICKUP.theta
+        for k in range(1 - simulate._SAMPLES, 1):
+            yield Sensors(k + 20, 0.2 + PERIOD * k, (first + 0.1 * PERIOD * k, second, third), 0.4, False, "")
+
+    def settings(self) -> Upload:
+        return Upload(1, 0.0, "start", "", False, usual_gains("cascade"), 2.0, "cascade", ArmParameters())
+
+    def subscribe(self, topic: object, message: object, receive: Callable[[Voltages], None]) -> SimpleNamespace:
+        receive(Voltages(0, 0.0, (0.0, 0.0, 0.0, 0.0), self._holds))
+        return SimpleNamespace(end=lambda: None)

@@ -94,9 +94,6 @@ def test_a_what_if_starts_where_the_arm_is(cell: Desk) -> None:
     assert (base["target_time"], slower["target_time"]) == (2.0, 3.0)
     assert base["start"] == slower["start"] != second["candidates"][0]["start"]
     assert base["target"] == [2.5298, -2.0654, -0.4644]
-    for motion in (base, slower):
-        assert max(motion["tracking_max"]) < 0.1
-        assert max(motion["final_error"]) < 0.001
 
 
 def test_predictions_tell_what_would_be_and_change_nothing(cell: Desk) -> None:

@@ -19,6 +19,7 @@ from dtwin.emulation.machine.files import machine_of
 from dtwin.errors import ParameterError
 from dtwin.parameters import HANGING, PERIOD, PLACES, ArmParameters, Law
 from dtwin.simulation.whatif import MotionCase, Simulator
+from dtwin.task import DEFAULT_TASK
 from dtwin.twin.effects import NO_EFFECTS, Effects
 from dtwin.twin.energy import energy
 from dtwin.twin.machine import SUBSTEP, WIDTH, integrate_machine, vector_of
@@ -177,6 +178,20 @@ def test_an_arm_that_moves_a_little_comes_to_its_goal(
     rested, moving = simulator.run(case).figures, simulator.run(replace(case, omega=omega)).figures
     assert max(moving.final_error) < max(rested.final_error) + 0.01
     assert max(moving.tracking_max) < max(rested.tracking_max) + 0.2
+
+
+@pytest.mark.parametrize(("begin", "goal", "box"), [("pickup", "green", 0.2), ("green", "pickup", 0.0)])
+def test_a_new_path_may_begin_at_any_moment_of_a_motion_of_the_cell(
+    simulator: Simulator, begin: str, goal: str, box: float
+) -> None:
+    """The cascade of the cell holds the arm near a path that begins at rest, however fast the arm is then."""
+    settings = ControlSettings(law="cascade", gains=usual_gains("cascade"))
+    moving = simulator.run(MotionCase(goal, settings, DEFAULT_TASK.all_places[begin].theta, payload=box))
+    for row in moving.states[:200:8].tolist():
+        theta, omega = (row[0], row[1], row[2]), (row[3], row[4], row[5])
+        found = simulator.run(MotionCase("red", settings, theta, omega, payload=box)).figures
+        assert max(found.tracking_max) < 0.1
+        assert max(found.final_error) < 1e-5
 
 
 def test_coulomb_friction_and_another_arm_make_a_difference(simulator: Simulator) -> None:

@@ -7,7 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from queue import Empty, SimpleQueue
+from typing import Any, Final
 
 import msgspec
 import numpy as np
@@ -15,11 +16,12 @@ from rich.table import Column, Table
 
 from dtwin.api.live import LiveCell, connect
 from dtwin.api.simulation import motion_case
+from dtwin.bus.messages import VOLTAGES
 from dtwin.commands.simulation.predict_arm import is_other, predict_arm
 from dtwin.controller.runtime import RuntimeOption
 from dtwin.controller.settings import APPLICATION_LAW, ControlSettings, usual_gains
 from dtwin.emulation.encoders import NoiseKind
-from dtwin.errors import ParameterError
+from dtwin.errors import CommunicationError, ParameterError
 from dtwin.files import PICTURE, ensure_writable
 from dtwin.identification.machine.record import MachineRecord, read_record
 from dtwin.identification.store import STORE, ModelStore, open_model
@@ -28,7 +30,7 @@ from dtwin.logs.log import Log
 from dtwin.logs.reading import read_log
 from dtwin.parameters import PERIOD, ArmParameters, Law, Triple
 from dtwin.run.options import CellFileOption, CompensationOptions
-from dtwin.signals import Sensors
+from dtwin.signals import Sensors, Voltages
 from dtwin.simulation.candidates import vary
 from dtwin.simulation.figures import Figures, triple
 from dtwin.simulation.measured import MotionComparison, compare, find, settings_of
@@ -40,6 +42,8 @@ from dtwin.twin.effects import NO_EFFECTS, Effects
 
 _SAMPLES = 9
 """number of samples that the velocity of a running arm is taken from"""
+_PATIENCE: Final = 5.0
+"""Time in which a command of the controller has to come, s."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +74,8 @@ class Simulate(CompensationOptions, CellFileOption, RuntimeOption):
     """Control law."""
     payload: float | None = None
     """Mass at the tip, kg; the controller counts on the mass of --box when this is not 0. If not given, what the cell
-    carries on this motion: a box from the pickup place to that of a colour, else nothing."""
+    carries on this motion: a box from the pickup place to that of a colour, else nothing; with --live what the arm
+    holds."""
     box: float | None = None
     """Mass that the controller takes a box to have, kg; the middle of those of the cell if not given, 0.2."""
     noise: float = 0.0
@@ -168,6 +173,7 @@ class Simulate(CompensationOptions, CellFileOption, RuntimeOption):
         with connect(self.cell) as cell:
             last = _latest(cell)
             now = cell.settings()
+            holds = _holds_box(cell)
         settings = replace(base.settings, gains=now.gains, target_time=now.target_time, law=now.law, model=now.model)
         theta = last[-1].theta
         # A parabola through several samples: a difference of two would show the encoders' noise.
@@ -175,7 +181,10 @@ class Simulate(CompensationOptions, CellFileOption, RuntimeOption):
         speeds = np.polyfit(times, np.array([sample.theta for sample in last]), 2)[1]
         arm = base.arm if self.model or self.commissioned or self.set else now.model
         goal = parse_goal(self.goal, arm, theta, self.task())
-        return replace(base, goal=goal, settings=settings, theta=theta, omega=triple(speeds), arm=arm)
+        payload = self.payload if self.payload is not None else settings.payload if holds else 0.0
+        return replace(
+            base, goal=goal, settings=settings, theta=theta, omega=triple(speeds), arm=arm, payload=payload
+        )
 
     def _measured(self, log: Log, simulator: Simulator) -> tuple[MotionCase, MotionComparison]:
         settings = settings_of(log)
@@ -209,6 +218,24 @@ def _latest(cell: LiveCell) -> list[Sensors]:
         if len(found) == _SAMPLES:
             break
     return found
+
+
+def _holds_box(cell: LiveCell) -> bool:
+    """Whether a running arm holds a box, as its controller says.
+
+    Raises:
+        CommunicationError: no command came in time.
+    """
+    commands: SimpleQueue[Voltages] = SimpleQueue()
+    subscription = cell.bus.subscribe(VOLTAGES, Voltages, commands.put)
+    try:
+        return commands.get(timeout=_PATIENCE).box_gripped
+    except Empty:
+        raise CommunicationError(
+            f"no commands of the controller within {_PATIENCE:g} s; is the cell working?"
+        ) from None
+    finally:
+        subscription.end()
 
 
 def with_set(arm: ArmParameters, assignments: list[str]) -> ArmParameters:

@@ -112,8 +112,7 @@ class Estimator:
         self.x[BIAS:DRIFT] = belief.offset
         self.P[BIAS:DRIFT, BIAS:DRIFT] = np.diag(np.square(belief.offset_deviation))
         self.P[TORQUE:MOVING, TORQUE:MOVING] = np.diag(np.square(error.slow))
-        self.F = np.zeros((6, MOVING))
-        self.gains = np.zeros((3, SIZE))
+        self.F, self.gains = np.zeros((6, MOVING)), np.zeros((3, SIZE))
         self.innovation, self.variance = np.zeros(3), np.ones(3)
         self.score, self.information = np.zeros(3), np.zeros(3)
         self.gripped = False
