@@ -15,6 +15,7 @@ from iec61499.output import RateLimit as RateLimit
 from iec61499.output import printable as printable
 
 if TYPE_CHECKING:
+    from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
@@ -33,19 +34,35 @@ def folding(table: Table) -> Table:
     return table
 
 
+_WIDEST = 100_000
+"""More columns than any table has."""
+
 NARROW = 80
 """Number of columns of a terminal below which a table is drawn without the lines between its columns."""
 
 
 def print_table(table: Table) -> None:
-    """Prints a table on standard output; nothing of it is cut."""
+    """Prints a table on standard output; nothing of it is cut.
+
+    The lines between its columns are left out on a narrow terminal, and where no word goes on in the next line then.
+    """
     from rich.box import SIMPLE_HEAD
     from rich.console import Console
 
     console = Console()
-    if console.width < NARROW:
-        table.box, table.pad_edge, table.padding = SIMPLE_HEAD, False, (0, 1, 0, 0)
+    lined = table.box, table.pad_edge, table.padding
+    ample = _width(console, table) <= console.width
+    table.box, table.pad_edge, table.padding = SIMPLE_HEAD, False, (0, 0)
+    if console.width >= NARROW and (ample or _width(console, table) > console.width):
+        table.box, table.pad_edge, table.padding = lined
     console.print(folding(table))
+
+
+def _width(console: Console, table: Table) -> int:
+    """Number of columns of the terminal that the table takes if no word goes on in the next line."""
+    from rich.measure import Measurement
+
+    return Measurement.get(console, console.options.update(max_width=_WIDEST), table).maximum
 
 
 def alarm(text: str) -> None:

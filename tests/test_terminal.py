@@ -29,7 +29,7 @@ from dtwin.errors import DtwinError
 from dtwin.parameters import ROOT
 from dtwin.signals import Event
 from dtwin.simulation.history import Entry, History
-from dtwin.terminal import LineFormatter, RateLimit, as_text, folding, print_json, printable
+from dtwin.terminal import LineFormatter, RateLimit, as_text, folding, print_json, print_table, printable
 
 MARKUP = ["[/x]", "[red]", "[link=http://example.org]here[/link]", "[bold", "\\[/]", ":boom:"]
 CONTROL = ["\x1b[2J", "\x1b]0;title\x07", "\x1b]8;;http://x\x07", "\x9b31m", "\r", "\n", "\t", "\0", "\ud800"]
@@ -184,3 +184,20 @@ def test_many_records_of_one_kind_become_few_with_a_count() -> None:
         "bad request 122 (more of these are only counted for 60 s)",
     ]
     assert len(lines) == 18
+
+
+@pytest.mark.parametrize(
+    ("words", "columns", "lined"), [(3, "80", True), (25, "80", False), (60, "80", True), (3, "60", False)]
+)
+def test_a_row_that_has_no_room_between_lines_is_printed_without_them(
+    words: int, columns: str, lined: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("COLUMNS", columns)
+    table = Table("pose", *map(str, range(8)))
+    row = ["x" * words, *["1.234"] * 8]
+    table.add_row(*row)
+    print_table(table)
+    printed = capsys.readouterr().out
+    assert ("│" in printed) is lined
+    assert lined or row in [line.split() for line in printed.splitlines()]
+    assert all(len(line) <= int(columns) for line in printed.splitlines())

@@ -93,7 +93,7 @@ Judged = tuple[Case, Shortfall | None]
 def _table(judged: list[Judged], count: int) -> Table:
     table = Table(title=f"margins, the worst {len(judged)} of {count} cases")
     table.add_column("pose")
-    for name in ("box kg", "disk", "gain dB", "phase °", "delay ticks", "weaker %", "stronger %", "peak S"):
+    for name in ("box\nkg", "disk", "gain\ndB", "phase\n°", "delay\nticks", "weaker\n%", "stronger\n%", "peak\nS"):
         table.add_column(name, justify="right")
     for case, reason in judged:
         m = case.margins
