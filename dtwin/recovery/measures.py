@@ -24,6 +24,7 @@ from dtwin.monitoring.kinds import parse_fault_id
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters, Gains, Triple, scaled, symbol_of
 from dtwin.recovery.answers import Measure
 from dtwin.recovery.desk import Desk, FindingWithdrawn
+from dtwin.recovery.explanation import changed, stopping
 from dtwin.recovery.margins import LATE, control_settings, gains_with_margins, settings_for_late, stiffer_with_margins
 from dtwin.recovery.refit import estimated, refitted
 from dtwin.recovery.strength import Strength
@@ -130,6 +131,21 @@ class Measures:
         """Takes a measure against findings that ask for it."""
         return self._take[measure](found)
 
+    def explain(self, found: Sequence[MonitoredUnit]) -> str:
+        """What an arm with what was found can do if it has to be stopped with the settings in force, else ""."""
+        arm, in_force = changed(self._arm, found), self._desk.settings()
+        if arm == self._arm:
+            return ""
+        expect = self._expecting(arm)
+        weak = self._beyond_strength(arm, max(self.boxes))
+        if not weak and not stopping(expect(in_force.gains, in_force.target_time), in_force.target_time):
+            return ""
+        try:
+            tuned = self._tuned(in_force, arm, self.boxes, expect, (1.0,))
+        except TooWeak as weakness:
+            return str(weakness)
+        return f"the arm can work with {tuned.target_time:.3g} s a motion, `dtwin upload target --time`"
+
     def _refit(self, found: Sequence[MonitoredUnit]) -> Taken:
         names = [unit.parameter for unit in found]
         if self._record is None:
@@ -169,10 +185,7 @@ class Measures:
         desk, in_force = self._desk, self._desk.settings()
         changed = {name: arm.get(name) for name in PARAMETER_NAMES if arm.get(name) != self._arm.get(name)}
         model = in_force.model.with_values(changed)
-
-        def expect(gains: Gains, target_time: float) -> list[PredictedMotion]:
-            return self._expect(PredictionRequest(gains, target_time, model=model, arm=arm))
-
+        expect = self._expecting(arm, model)
         weak = bool(self._beyond_strength(arm, max(self.boxes)))
         now = msgspec.structs.replace(in_force, model=model)
         gains = in_force.gains if weak else self._with_margins(arm, in_force, now)
@@ -339,12 +352,8 @@ class Measures:
 
     def _stand_delay(self, found: Sequence[MonitoredUnit]) -> Taken:
         """Lowers the gains until the loop has its margins with the delay, and the speed until the arm tracks well."""
-        desk, in_force = self._desk, self._desk.settings()
+        desk, in_force, expect = self._desk, self._desk.settings(), self._expecting(self._arm)
         desk.late = LATE
-
-        def expect(gains: Gains, target_time: float) -> list[PredictedMotion]:
-            return self._expect(PredictionRequest(gains, target_time, arm=self._arm))
-
         try:
             known = control_settings(in_force, self._record)
             tuned = settings_for_late(
@@ -360,6 +369,10 @@ class Measures:
         upload = self._tune(tuned, in_force, self._arm)
         desk.confirm(upload)
         return Taken(upload.time, {})
+
+    def _expecting(self, arm: ArmParameters, model: ArmParameters | None = None) -> Expect:
+        """What simulation expects of all motions of an arm by gains and target time, whatever is in force."""
+        return lambda gains, time: self._expect(PredictionRequest(gains, time, model=model, arm=arm))
 
     def _expect(self, request: PredictionRequest, boxes: Sequence[float] | None = None) -> list[PredictedMotion]:
         """What simulation expects of all motions, with boxes of some masses (kg), on the arm as it is known."""

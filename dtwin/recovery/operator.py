@@ -259,13 +259,26 @@ class Operator:
     def _explain(self, why: str) -> None:
         """Leaves an arm that the blocks have stopped to a person; if nobody answers, the next verdict asks again."""
         names = tuple(self._desk.findings)
-        found = f"{' and '.join(names)} does not explain it" if names else "nothing explains it"
         try:
-            self._desk.stop("failed", f"{why}; {found}: {FIND_OUT}")
+            self._desk.stop("failed", f"{why}; {self._explanation()}")
         except CommunicationError as error:
             self._complain(error)
         else:
             self._add_step("stop", names)
+
+    def _explanation(self) -> str:
+        """What explains that the blocks have stopped the arm, one finding if it suffices, and what a person does."""
+        found = list(self._desk.findings.values())
+        for causes in [*([unit] for unit in found), found]:
+            names = " and ".join(unit.parameter for unit in causes)
+            try:
+                able = self._measures.explain(causes)
+            except CommunicationError as error:
+                self._complain(error)
+                break
+            if able:
+                return f"{names} explains it, {able}: {order(parse_fault_id(causes[0].parameter))}"
+        return f"{names} does not explain it: {FIND_OUT}" if found else f"nothing explains it: {FIND_OUT}"
 
     def _complain(self, error: Exception) -> None:
         self.trouble = str(error)

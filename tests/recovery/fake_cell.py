@@ -68,6 +68,7 @@ class FakeCell:
         changing: changes what is found, whenever time has passed.
         deaf: number of requests for a stop that nobody answers.
         worse: gives how far a motion is from its path, relative to the healthy arm, by the request.
+        off: gives the largest distance of a joint from its path, rad, by the request.
         roll_back: whether settings on trial are taken back.
         uploads, stops, told: what the operator asked for and said.
         latched: what it asked the emulator's latch for, and when.
@@ -83,6 +84,7 @@ class FakeCell:
         self.changing: Callable[[], None] = lambda: None
         self.deaf = 0
         self.worse: Callable[[PredictionRequest], float] = lambda request: 1.0
+        self.off: Callable[[PredictionRequest], float] = lambda request: 0.0
         self.roll_back = False
         self.refuse = ""
         self.uploads: list[UploadRequest] = []
@@ -163,7 +165,8 @@ class FakeCell:
 
     def _predict(self, request: PredictionRequest) -> Predicted:
         rms, nothing = (1e-3 * self.worse(request), 0.0, 0.0), (0.0, 0.0, 0.0)
-        return Predicted(1, tuple(PredictedMotion(*motion, rms, nothing, nothing, 0.0) for motion in MOTIONS))
+        off = (self.off(request), 0.0, 0.0)
+        return Predicted(1, tuple(PredictedMotion(*motion, rms, off, nothing, 0.0) for motion in MOTIONS))
 
     def _identify(self, request: IdentificationRequest) -> IdentificationState:
         self.identified.append(request)

@@ -498,6 +498,30 @@ def test_an_arm_that_the_blocks_have_stopped_is_left_to_a_person_whatever_is_fou
     assert "it left its path); slip does not explain it: find out" in cell.told[-1]
 
 
+@pytest.mark.parametrize(
+    ("parameter", "size", "told"),
+    [
+        ("K2", -0.3, "K2 explains it, the arm can work without a box only, it cannot hold a box of 210 g at red"),
+        ("D2", 0.1, "D2 explains it, the arm can work with 3 s a motion, `dtwin upload target --time`"),
+        ("D2", 0.01, "D2 does not explain it"),
+        ("bias2", 0.01, "bias2 does not explain it"),
+    ],
+)
+def test_an_arm_that_had_to_leave_its_path_is_told_with_its_cause(
+    cell: FakeCell, parameter: str, size: float, told: str
+) -> None:
+    """Where it leaves its path at 2 s a motion if its friction is large; what it can hold is computed."""
+    strong = HEALTHY.damping[1] + 0.05
+    cell.off = lambda request: 0.6 if request.arm and request.arm.damping[1] > strong else 0.0
+    cell.worse = lambda request: 2.0 if cell.off(request) and (request.target_time or 2.0) < 3.0 else 1.0
+    cell.events = [Event(20.1, EventKind.STOP, "safe stop: braking (it left its path)")]
+    cell.found[parameter] = (20.0, size, 1e-4)
+    watched(cell)
+    assert f"it left its path); {told}" in cell.told[-1]
+    assert "then `dtwin release`" in cell.told[-1]
+    assert [stop.state for stop in cell.stops] == ["failed"]
+
+
 def test_a_finding_tells_why_the_blocks_have_stopped_the_arm(cell: FakeCell) -> None:
     cell.events = [Event(24.6, EventKind.STOP, "safe stop: braking (it left its path)")]
     cell.found["lock3"] = (25.6, 0.0, 0.0)

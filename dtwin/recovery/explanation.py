@@ -1,0 +1,47 @@
+"""Whether what the monitor has found explains that the blocks have stopped the arm by themselves."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+from dtwin.bus.twin_messages import MonitoredUnit, PredictedMotion
+from dtwin.monitoring.kinds import RELATIVE, SUPPLY, parse_fault_id, reference
+from dtwin.parameters import PARAMETER_NAMES, ArmParameters, scaled
+from dtwin.simulation.checks import TAIL
+
+FOLLOWING: Final = 0.5
+"""Distance from its path for which the block SAFE_STOP stops a joint, rad: its input FOLLOWING_LIMIT."""
+CUT_OFF: Final = 0.25
+"""Time for which a voltage may be at its limit until that block stops the arm, s: its input SATURATION_LIMIT."""
+
+
+def changed(arm: ArmParameters, found: Sequence[MonitoredUnit]) -> ArmParameters:
+    """The arm with the changes of its parameters that were found, as the monitor estimates them.
+
+    Findings about anything else, such as encoders, leave it as it is.
+
+    Args:
+        arm: arm as it is known.
+        found: settled findings.
+    """
+    values, voltage = {}, 1.0
+    for unit in found:
+        name = unit.parameter
+        if name == SUPPLY:
+            voltage = 1.0 + unit.size
+        elif name in PARAMETER_NAMES:
+            size = unit.size * (reference(name, arm) if parse_fault_id(name).about.unit == RELATIVE else 1.0)
+            values[name] = max(arm.get(name) + size, 0.0)
+    return scaled(arm.with_values(values), "K", voltage)
+
+
+def stopping(expected: Sequence[PredictedMotion], target_time: float) -> list[PredictedMotion]:
+    """Those of some motions for which the blocks would stop the arm.
+
+    Args:
+        expected: motions on the twin.
+        target_time: their duration, s.
+    """
+    share = CUT_OFF / (target_time + TAIL)
+    return [motion for motion in expected if max(motion.tracking) > FOLLOWING or motion.saturated > share]
