@@ -97,8 +97,11 @@ class IdentifyLive:
             if not self.json:
                 Console().print("not kept: --anyway keeps it all the same")
             return False
-        if self.accept or self.json or not sys.stdin.isatty():
+        if self.accept or self.json:
             return self.accept
+        if not sys.stdin.isatty():
+            Console().print("not kept, as nobody can be asked here: --accept keeps it")
+            return False
         return input("keep this model? [y/N] ").strip().lower() in ("y", "yes")
 
 
