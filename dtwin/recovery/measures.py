@@ -144,7 +144,7 @@ class Measures:
             tuned = self._tuned(in_force, arm, self.boxes, expect, (1.0,))
         except TooWeak as weakness:
             return str(weakness)
-        return f"the arm can work with {tuned.target_time:.3g} s a motion, `dtwin upload target --time`"
+        return f"the arm can work with {tuned.target_time:.3g} s a motion, `dtwin target set`"
 
     def _refit(self, found: Sequence[MonitoredUnit]) -> Taken:
         names = [unit.parameter for unit in found]
