@@ -134,17 +134,21 @@ class Measures:
     def explain(self, found: Sequence[MonitoredUnit]) -> str:
         """What an arm with what was found can do if it has to be stopped with the settings in force, else ""."""
         arm, in_force = changed(self._arm, found), self._desk.settings()
+        weak = self._beyond_strength(arm, max(self.boxes))
+        if arm == self._arm or not (weak or stopping(self._expect(PredictionRequest(arm=arm)), in_force.target_time)):
+            return ""
+        return self.foresee(found)
+
+    def foresee(self, found: Sequence[MonitoredUnit]) -> str:
+        """What an arm with what was found can do with other settings, "" if it is as it is known."""
+        arm = changed(self._arm, found)
         if arm == self._arm:
             return ""
-        expect = self._expecting(arm)
-        weak = self._beyond_strength(arm, max(self.boxes))
-        if not weak and not stopping(expect(in_force.gains, in_force.target_time), in_force.target_time):
-            return ""
         try:
-            tuned = self._tuned(in_force, arm, self.boxes, expect, (1.0,))
-        except TooWeak as weakness:
-            return str(weakness)
-        return f"the arm can work with {tuned.target_time:.3g} s a motion, `dtwin target set`"
+            tuned = self._tuned(self._desk.settings(), arm, self.boxes, self._expecting(arm), (1.0,))
+        except TooWeak as weak:
+            return str(weak)
+        return f"the arm can work with {tuned.target_time:.3g} s a motion"
 
     def _refit(self, found: Sequence[MonitoredUnit]) -> Taken:
         names = [unit.parameter for unit in found]

@@ -61,8 +61,9 @@ class Operator:
     Args:
         desk: place at the bus of the cell.
         measures: measures at that cell, which have begun.
-        propose: has a person decide about a measure against findings; the operator takes it itself if None. What is
-            approved comes by `carry_out`. A stop waits for nobody.
+        propose: has a person decide about a measure against findings, who is told what the arm can do then ("" if that
+            is as before); the operator takes it itself if None. What is approved comes by `carry_out`. A stop waits
+            for nobody.
         look: called after every verdict.
 
     Attributes:
@@ -75,7 +76,7 @@ class Operator:
         self,
         desk: Desk,
         measures: Measures,
-        propose: Callable[[Measure, Sequence[MonitoredUnit]], None] | None = None,
+        propose: Callable[[Measure, Sequence[MonitoredUnit], str], None] | None = None,
         look: Callable[[], None] = lambda: None,
     ) -> None:
         self.steps: list[Step] = []
@@ -158,7 +159,7 @@ class Operator:
         if measure == "go on":
             self._add_step(measure, names)
         elif self._propose is not None:
-            self._propose(measure, found)
+            self._propose(measure, found, self._asked(self._measures.foresee, found))
         else:
             self._carry_out(measure, found)
 
@@ -271,14 +272,17 @@ class Operator:
         found = list(self._desk.findings.values())
         for causes in [*([unit] for unit in found), found]:
             names = " and ".join(unit.parameter for unit in causes)
-            try:
-                able = self._measures.explain(causes)
-            except CommunicationError as error:
-                self._complain(error)
-                break
-            if able:
+            if able := self._asked(self._measures.explain, causes):
                 return f"{names} explains it, {able}: {order(parse_fault_id(causes[0].parameter))}"
         return f"{names} does not explain it: {FIND_OUT}" if found else f"nothing explains it: {FIND_OUT}"
+
+    def _asked(self, ask: Callable[[Sequence[MonitoredUnit]], str], found: Sequence[MonitoredUnit]) -> str:
+        """What simulation answers about findings, "" if it does not."""
+        try:
+            return ask(found)
+        except CommunicationError as error:
+            self._complain(error)
+            return ""
 
     def _complain(self, error: Exception) -> None:
         self.trouble = str(error)

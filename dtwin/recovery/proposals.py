@@ -44,12 +44,14 @@ class Proposals:
     lock: threading.Lock = field(default_factory=threading.Lock)
     again: dict[tuple[str, ...], float] = field(default_factory=dict)
 
-    def propose(self, measure: Measure, found: Sequence[MonitoredUnit]) -> None:
-        """Proposes a measure against findings to a person."""
+    def propose(self, measure: Measure, found: Sequence[MonitoredUnit], able: str) -> None:
+        """Proposes a measure against findings to a person, with what the arm can do then, "" if that is as before."""
         names = tuple(unit.parameter for unit in found)
-        why = f"{measure}: {answer_to(parse_fault_id(names[0])).why}; {'; '.join(unit.text for unit in found)}"[:1000]
+        expected = [f"then {able}"] if able else []
+        why = [f"{measure}: {answer_to(parse_fault_id(names[0])).why}", *expected, *(unit.text for unit in found)]
+        request = ProposalRequest(NAME, "; ".join(why)[:1000], "answer", parameters=names)
         try:
-            made = self.desk.bus.ask(PROPOSE, ProposalRequest(NAME, why, "answer", parameters=names), Proposal)
+            made = self.desk.bus.ask(PROPOSE, request, Proposal)
         except CommunicationError as error:
             self.desk.say(f"cannot propose to answer {' and '.join(names)}: {error}")
             self.again[names] = self.desk.time + RETRY

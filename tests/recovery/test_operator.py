@@ -502,7 +502,7 @@ def test_an_arm_that_the_blocks_have_stopped_is_left_to_a_person_whatever_is_fou
     ("parameter", "size", "told"),
     [
         ("K2", -0.3, "K2 explains it, the arm can work without a box only, it cannot hold a box of 210 g at red"),
-        ("D2", 0.1, "D2 explains it, the arm can work with 3 s a motion, `dtwin target set`"),
+        ("D2", 0.1, "D2 explains it, the arm can work with 3 s a motion: grease"),
         ("D2", 0.01, "D2 does not explain it"),
         ("bias2", 0.01, "bias2 does not explain it"),
     ],

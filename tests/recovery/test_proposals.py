@@ -99,7 +99,17 @@ def test_nothing_moves_without_an_approval(cell: BookedCell) -> None:
     (proposed,) = cell.seen()
     assert (proposed.state, proposed.request.who, proposed.request.kind) == ("open", NAME, "answer")
     assert proposed.request.parameters == ("K3",)
-    assert proposed.request.why.startswith("refit: the model can have the torque that there is; K3")
+    foreseen = "then the arm can work with 2 s a motion"
+    assert proposed.request.why.startswith(f"refit: the model can have the torque that there is; {foreseen}; K3")
+
+
+def test_a_proposal_that_would_end_in_a_stop_says_so(cell: BookedCell) -> None:
+    cell.found["K2"] = (20.0, -0.3, 0.001)
+    cell.watch()
+    (proposed,) = cell.seen()
+    assert (
+        "; then the arm can work without a box only, it cannot hold a box of 210 g at red; " in proposed.request.why
+    )
 
 
 def test_what_is_approved_is_done_under_the_name_of_who_approved(cell: BookedCell) -> None:
