@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final
+from typing import Final, NamedTuple
+
+import msgspec
 
 from dtwin.bus.twin_messages import MonitoredUnit, PredictedMotion
 from dtwin.monitoring.kinds import RELATIVE, SUPPLY, parse_fault_id, reference
@@ -14,6 +16,27 @@ FOLLOWING: Final = 0.5
 """Distance from its path for which the block SAFE_STOP stops a joint, rad: its input FOLLOWING_LIMIT."""
 CUT_OFF: Final = 0.25
 """Time for which a voltage may be at its limit until that block stops the arm, s: its input SATURATION_LIMIT."""
+
+SURE: Final = 2.0
+"""Standard deviations by which a change may be smaller than the monitor estimates it."""
+
+
+class Outlook(NamedTuple):
+    """What an arm can do that has changed as was found.
+
+    Attributes:
+        text: the same for people.
+        weak: whether it cannot hold its boxes somewhere, also if it has changed less, by SURE.
+    """
+
+    text: str
+    weak: bool = False
+
+
+def certain(found: Sequence[MonitoredUnit]) -> list[MonitoredUnit]:
+    """Findings with the part of their sizes that is there for sure."""
+    share = (max(1.0 - SURE * unit.deviation / abs(unit.size), 0.0) if unit.size else 0.0 for unit in found)
+    return [msgspec.structs.replace(unit, size=part * unit.size) for unit, part in zip(found, share, strict=True)]
 
 
 def changed(arm: ArmParameters, found: Sequence[MonitoredUnit]) -> ArmParameters:

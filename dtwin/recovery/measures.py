@@ -24,10 +24,10 @@ from dtwin.monitoring.kinds import parse_fault_id
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters, Gains, Triple, scaled, symbol_of
 from dtwin.recovery.answers import Measure
 from dtwin.recovery.desk import Desk, FindingWithdrawn
-from dtwin.recovery.explanation import changed, stopping
+from dtwin.recovery.explanation import Outlook, certain, changed, stopping
 from dtwin.recovery.margins import LATE, control_settings, gains_with_margins, settings_for_late, stiffer_with_margins
 from dtwin.recovery.refit import estimated, refitted
-from dtwin.recovery.strength import Strength
+from dtwin.recovery.strength import Strength, usual_boxes
 from dtwin.recovery.tuning import BOUND, Ability, Expect, Tuned, search, worst_ratio
 from dtwin.simulation.proposal import controllable
 from dtwin.task import DEFAULT_TASK, Task
@@ -131,24 +131,26 @@ class Measures:
         """Takes a measure against findings that ask for it."""
         return self._take[measure](found)
 
-    def explain(self, found: Sequence[MonitoredUnit]) -> str:
-        """What an arm with what was found can do if it has to be stopped with the settings in force, else ""."""
+    def explain(self, found: Sequence[MonitoredUnit]) -> Outlook | None:
+        """What an arm with what was found can do if it has to be stopped with the settings in force, else None."""
         arm, in_force = changed(self._arm, found), self._desk.settings()
         weak = self._beyond_strength(arm, max(self.boxes))
         if arm == self._arm or not (weak or stopping(self._expect(PredictionRequest(arm=arm)), in_force.target_time)):
-            return ""
+            return None
         return self.foresee(found)
 
-    def foresee(self, found: Sequence[MonitoredUnit]) -> str:
-        """What an arm with what was found can do with other settings, "" if it is as it is known."""
-        arm = changed(self._arm, found)
+    def foresee(self, found: Sequence[MonitoredUnit]) -> Outlook | None:
+        """What an arm with what was found can do with other settings, None if it is as it is known."""
+        arm, in_force = changed(self._arm, found), self._desk.settings()
         if arm == self._arm:
-            return ""
+            return None
         try:
-            tuned = self._tuned(self._desk.settings(), arm, self.boxes, self._expecting(arm), (1.0,))
+            tuned = self._tuned(in_force, arm, self.boxes, self._expecting(arm), (1.0,))
         except TooWeak as weak:
-            return str(weak)
-        return f"the arm can work with {tuned.target_time:.3g} s a motion"
+            return Outlook(
+                str(weak), bool(self._beyond_strength(changed(self._arm, certain(found)), max(self.boxes)))
+            )
+        return Outlook(f"the arm can work with {tuned.target_time:.3g} s a motion")
 
     def _refit(self, found: Sequence[MonitoredUnit]) -> Taken:
         names = [unit.parameter for unit in found]
@@ -389,11 +391,6 @@ class Measures:
                 Predicted,
             ).motions
         ]
-
-
-def usual_boxes(task: Task) -> tuple[float, float]:
-    """Masses of the usual box and of the heaviest one, kg."""
-    return task.boxes.middle, task.boxes.heaviest
 
 
 def _expected(tuned: Tuned) -> str:

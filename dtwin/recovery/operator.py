@@ -23,6 +23,7 @@ from dtwin.recovery.desk import (
     RolledBack,
     StoppedByController,
 )
+from dtwin.recovery.explanation import Outlook
 from dtwin.recovery.measures import Measures, Taken, TooWeak
 from dtwin.signals import MONITOR, Event
 
@@ -37,6 +38,9 @@ SURELY: Final = 5.0
 _LASTING: Final[tuple[Measure, ...]] = ("go on", "payload")
 """Measures that are taken though what they answer is over"""
 _NOTHING: Final = Taken(None, {})
+
+Propose = Callable[[Measure, Sequence[MonitoredUnit], str], None]
+"""Has a person decide about a measure against findings, who is told what the arm can do then, if that has changed."""
 
 
 class Step(NamedTuple):
@@ -61,9 +65,8 @@ class Operator:
     Args:
         desk: place at the bus of the cell.
         measures: measures at that cell, which have begun.
-        propose: has a person decide about a measure against findings, who is told what the arm can do then ("" if that
-            is as before); the operator takes it itself if None. What is approved comes by `carry_out`. A stop waits
-            for nobody.
+        propose: has a person decide about a measure against findings; the operator takes it itself if None. What is
+            approved comes by `carry_out`. A stop waits for nobody.
         look: called after every verdict.
 
     Attributes:
@@ -76,7 +79,7 @@ class Operator:
         self,
         desk: Desk,
         measures: Measures,
-        propose: Callable[[Measure, Sequence[MonitoredUnit], str], None] | None = None,
+        propose: Propose | None = None,
         look: Callable[[], None] = lambda: None,
     ) -> None:
         self.steps: list[Step] = []
@@ -159,9 +162,18 @@ class Operator:
         if measure == "go on":
             self._add_step(measure, names)
         elif self._propose is not None:
-            self._propose(measure, found, self._asked(self._measures.foresee, found))
+            self._offer(self._propose, measure, found)
         else:
             self._carry_out(measure, found)
+
+    def _offer(self, propose: Propose, measure: Measure, found: Sequence[MonitoredUnit]) -> None:
+        """Proposes a measure to a person; an arm that cannot be held is stopped at once, which waits for nobody."""
+        outlook = self._asked(self._measures.foresee, found)
+        if outlook is None or not outlook.weak:
+            propose(measure, found, outlook.text if outlook else "")
+            return
+        fault = parse_fault_id(found[0].parameter)
+        self._stop(found, f"{fault.where}: {outlook.text}", order(fault))
 
     def carry_out(self, names: Sequence[str], who: str, reason: str) -> str:
         """Answers findings as a person has approved, and tells what came of it.
@@ -272,17 +284,19 @@ class Operator:
         found = list(self._desk.findings.values())
         for causes in [*([unit] for unit in found), found]:
             names = " and ".join(unit.parameter for unit in causes)
-            if able := self._asked(self._measures.explain, causes):
-                return f"{names} explains it, {able}: {order(parse_fault_id(causes[0].parameter))}"
+            if outlook := self._asked(self._measures.explain, causes):
+                return f"{names} explains it, {outlook.text}: {order(parse_fault_id(causes[0].parameter))}"
         return f"{names} does not explain it: {FIND_OUT}" if found else f"nothing explains it: {FIND_OUT}"
 
-    def _asked(self, ask: Callable[[Sequence[MonitoredUnit]], str], found: Sequence[MonitoredUnit]) -> str:
-        """What simulation answers about findings, "" if it does not."""
+    def _asked(
+        self, ask: Callable[[Sequence[MonitoredUnit]], Outlook | None], found: Sequence[MonitoredUnit]
+    ) -> Outlook | None:
+        """What simulation answers about findings, None if it does not."""
         try:
             return ask(found)
         except CommunicationError as error:
             self._complain(error)
-            return ""
+            return None
 
     def _complain(self, error: Exception) -> None:
         self.trouble = str(error)

@@ -16,6 +16,11 @@ RESERVE: Final = 0.05
 """share of the voltage limit that a motor at rest has to have left, for noise and for what the model does not know"""
 
 
+def usual_boxes(task: Task) -> tuple[float, float]:
+    """Masses of the usual box and of the heaviest one, kg."""
+    return task.boxes.middle, task.boxes.heaviest
+
+
 def holding(arm: ArmParameters, payload: float, task: Task = DEFAULT_TASK) -> dict[str, float]:
     """Share of the voltage limit that the motor with the least left needs to hold the arm at each place, by its name.
 

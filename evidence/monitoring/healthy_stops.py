@@ -15,8 +15,7 @@ import numpy as np
 from dtwin.campaign.spread import Progress, Workers, Workforce
 from dtwin.commands.frame import at_least
 from dtwin.parameters import PERIOD, VOLTAGE_LIMIT, ArmParameters, scaled
-from dtwin.recovery.measures import usual_boxes
-from dtwin.recovery.strength import RESERVE
+from dtwin.recovery.strength import RESERVE, usual_boxes
 from dtwin.run.options import ControlOptions
 from dtwin.task import DEFAULT_TASK, Task
 from dtwin.twin.dynamics import gravity

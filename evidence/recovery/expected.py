@@ -16,8 +16,7 @@ from dtwin.monitoring.kinds import NAMED, UNKNOWN
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters, Gains, scaled, symbol_of
 from dtwin.recovery.answers import ANSWERS, Measure
 from dtwin.recovery.margins import LATE, gains_with_margins, settings_for_late, stiffer_with_margins
-from dtwin.recovery.measures import usual_boxes
-from dtwin.recovery.strength import Strength
+from dtwin.recovery.strength import Strength, usual_boxes
 from dtwin.recovery.tuning import BOUND, Ability, search
 from dtwin.simulation.checks import Checker
 from dtwin.simulation.proposal import with_rotors

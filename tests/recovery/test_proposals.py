@@ -103,8 +103,16 @@ def test_nothing_moves_without_an_approval(cell: BookedCell) -> None:
     assert proposed.request.why.startswith(f"refit: the model can have the torque that there is; {foreseen}; K3")
 
 
-def test_a_proposal_that_would_end_in_a_stop_says_so(cell: BookedCell) -> None:
+def test_an_arm_that_cannot_hold_its_boxes_is_stopped_and_nobody_asked(cell: BookedCell) -> None:
     cell.found["K2"] = (20.0, -0.3, 0.001)
+    cell.watch()
+    assert not cell.seen()
+    assert [stop.state for stop in cell.stops] == ["failed"]
+    assert "cannot hold a box of 210 g at red: replace motor 2, then `dtwin release`" in cell.told[-1]
+
+
+def test_a_proposal_that_may_end_in_a_stop_says_so(cell: BookedCell) -> None:
+    cell.found["K2"] = (20.0, -0.3, 0.1)
     cell.watch()
     (proposed,) = cell.seen()
     assert (
