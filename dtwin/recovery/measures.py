@@ -128,7 +128,9 @@ class Measures:
         return self._reference
 
     def carry_out(self, measure: Measure, found: Sequence[MonitoredUnit]) -> Taken:
-        """Takes a measure against findings that ask for it."""
+        """Takes a measure against findings that ask for it, but none if the arm surely cannot hold its boxes."""
+        if self._surely_weak(found) and (outlook := self.foresee(found)):
+            raise TooWeak(outlook.text)
         return self._take[measure](found)
 
     def explain(self, found: Sequence[MonitoredUnit]) -> Outlook | None:
@@ -147,10 +149,11 @@ class Measures:
         try:
             tuned = self._tuned(in_force, arm, self.boxes, self._expecting(arm), (1.0,))
         except TooWeak as weak:
-            return Outlook(
-                str(weak), bool(self._beyond_strength(changed(self._arm, certain(found)), max(self.boxes)))
-            )
+            return Outlook(str(weak), self._surely_weak(found))
         return Outlook(f"the arm can work with {tuned.target_time:.3g} s a motion")
+
+    def _surely_weak(self, found: Sequence[MonitoredUnit]) -> bool:
+        return bool(self._beyond_strength(changed(self._arm, certain(found)), max(self.boxes)))
 
     def _refit(self, found: Sequence[MonitoredUnit]) -> Taken:
         names = [unit.parameter for unit in found]
