@@ -9,7 +9,6 @@ from __future__ import annotations
 import logging
 import sys
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -26,8 +25,6 @@ from dtwin.bus.messages import (
     ADJUSTED,
     ARM_UPLOAD,
     DECIDE,
-    EVENTS,
-    IDENTIFICATION,
     IDENTIFY,
     JOINT_TICKS,
 )
@@ -41,8 +38,8 @@ from dtwin.identification.store import STORE
 from dtwin.run.chain import ChainSettings
 from dtwin.services.chain.options import ArmCellOptions
 from dtwin.services.chain.ticks import Rows
+from dtwin.services.parts.identifying.progress import Progress
 from dtwin.services.service import Link, Service, main
-from dtwin.signals import Event, EventKind
 
 log = logging.getLogger(__name__)
 
@@ -91,15 +88,13 @@ class Identifying:
         self._request = IdentificationRequest()
         self._found: Identification | None = None
         self._finished = 0
-        self._state = IdentificationState("idle", "ready")
         self._forget()
         bus = service.bus
-        self._publish: Callable[[IdentificationState], None] = bus.publisher(IDENTIFICATION)
-        self._tell: Callable[[Event], None] = bus.publisher(EVENTS)
+        self._progress = progress = Progress(bus)
         bus.subscribe(JOINT_TICKS, JointTicks, service.inbox.put)
         bus.subscribe(ADJUSTED, JointAdjustment, service.inbox.put)
-        bus.answer(IDENTIFY, IdentificationRequest, self._ask, lambda: self._state)
-        bus.answer(DECIDE, IdentificationDecision, self._decide, lambda: self._state)
+        bus.answer(IDENTIFY, IdentificationRequest, self._ask, lambda: progress.state)
+        bus.answer(DECIDE, IdentificationDecision, self._decide, lambda: progress.state)
 
     def run(self) -> None:
         """Works until it is asked to end."""
@@ -116,8 +111,9 @@ class Identifying:
                     self._request, self._found = item, None
                     self._deadline = time.monotonic() + PATIENCE
                     self._look()
-                if self._state.phase == "measuring" and time.monotonic() > self._deadline > 0.0:
-                    raise IdentificationError(f"{self._state.text}, and there it stopped: does the arm move?")
+                state = self._progress.state
+                if state.phase == "measuring" and time.monotonic() > self._deadline > 0.0:
+                    raise IdentificationError(f"{state.text}, and there it stopped: does the arm move?")
             except DtwinError as error:
                 self._enter(IdentificationState("refused", str(error)[:1000]))
             if service.report_due():
@@ -146,13 +142,12 @@ class Identifying:
         self._kept.append(self._rows.drain())
         spare = len(self._kept) - round(REMEMBERED / (self._settings.arm.period * AT_ONCE))
         del self._kept[: max(0, spare)]
-        if self._state.phase == "measuring" and self._deadline:
+        if self._progress.state.phase == "measuring" and self._deadline:
             self._look()
 
     def _ask(self, request: IdentificationRequest) -> IdentificationState:
         """Answers on Zenoh's thread; the work is the main thread's."""
-        if self._state.phase in ("measuring", "estimating"):
-            raise IdentificationError(f"an identification is {self._state.phase}; wait for it")
+        self._progress.ensure_free()
         usual = IdentificationRequest(source="motion", since=request.since)
         if request != usual:
             raise ParameterError(
@@ -160,9 +155,9 @@ class Identifying:
                 "--free, --box-mass or --anew"
             )
         self._deadline = 0.0
-        self._state = IdentificationState("measuring", "waits for the motion")
+        state = self._progress.request("waits for the motion")
         self._service.inbox.put(request)
-        return self._state
+        return state
 
     def _look(self) -> None:
         """Identifies the arm once enough has passed."""
@@ -172,7 +167,7 @@ class Identifying:
         needed = round(NEEDED / self._settings.arm.period)
         if len(t) < needed:
             seen = IdentificationState("measuring", "the arm is watched", len(t), needed)
-            if (seen.samples // 100) != (self._state.samples // 100) or self._state.of != needed:
+            if (seen.samples // 100) != (self._progress.state.samples // 100) or self._progress.state.of != needed:
                 self._enter(seen)
             return
         self._enter(IdentificationState("estimating", "the model is fitted", len(t), len(t)))
@@ -189,7 +184,7 @@ class Identifying:
         left = sum(1 for row in numbers(found) if not row.told)
         self._enter(
             msgspec.structs.replace(
-                self._state,
+                self._progress.state,
                 phase="proposed",
                 text=f"{len(told)} numbers are told by the motion; {left} stay as they were known",
                 converged=True,
@@ -201,22 +196,18 @@ class Identifying:
         )
 
     def _decide(self, decision: IdentificationDecision) -> IdentificationState:
-        found = self._found
-        if self._state.phase != "proposed" or found is None:
-            raise IdentificationError(f"no model waits for a decision: the identification is {self._state.phase}")
+        progress = self._progress
+        found = progress.decidable(decision, self._found)
         if not decision.accept:
-            self._enter(msgspec.structs.replace(self._state, phase="rejected", text="the model was not kept"))
-            return self._state
-        if self._state.doubts and not decision.anyway:
-            raise IdentificationError(
-                f"the model is in doubt, {self._state.doubts}: expected to be kept anyway, or rejected"
-            )
+            self._enter(msgspec.structs.replace(progress.state, phase="rejected", text="the model was not kept"))
+            return progress.state
         path = keep(found, self._known, self._store, decision.name)
         text = f"kept as {path}"
         if decision.upload:
             text = f"{text}, {self._upload(model_without(found, self._adjustment), text)}"
-        self._enter(msgspec.structs.replace(self._state, phase="accepted", text=text[:1000], model_file=str(path)))
-        return self._state
+        accepted = msgspec.structs.replace(progress.state, phase="accepted", text=text[:1000], model_file=str(path))
+        self._enter(accepted)
+        return progress.state
 
     def _upload(self, model: ArmModel, why: str) -> str:
         """What became of the model in the blocks; it is kept in any case."""
@@ -230,11 +221,7 @@ class Identifying:
         return f"on trial in the blocks as version {answer.version} of their settings"
 
     def _enter(self, state: IdentificationState) -> None:
-        if state.phase != self._state.phase or state.samples == 0:
-            self._tell(Event(self._time, EventKind.IDENTIFICATION, f"{state.phase}: {state.text}"[:1000]))
-        self._state = state
-        self._publish(state)
-        log.info("%s: %s", state.phase, state.text)
+        self._progress.enter(state, self._time)
 
 
 def _short(name: str, names: dict[str, str]) -> str:
