@@ -7,9 +7,12 @@ import itertools
 import logging
 from collections import deque
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
+from queue import Empty, SimpleQueue
 from threading import Condition
 from types import TracebackType
+from typing import Final
 
 from dtwin.api.arguments import AnyPath, checked
 from dtwin.bus.messages import (
@@ -19,6 +22,7 @@ from dtwin.bus.messages import (
     SENSORS,
     SUMMARY,
     UPLOAD,
+    VOLTAGES,
     Done,
     FaultRequest,
     ReleaseRequest,
@@ -31,13 +35,34 @@ from dtwin.bus.stopping import Stopped, stop
 from dtwin.bus.topics.topic import Topic
 from dtwin.bus.twin_messages import RollBackRequest, Upload, UploadRequest
 from dtwin.errors import CommunicationError, ParameterError, UnansweredError
-from dtwin.parameters import ArmParameters, Gains
+from dtwin.parameters import PERIOD, ArmParameters, Gains, Triple
 from dtwin.services.runfile import join
-from dtwin.signals import Sensors
+from dtwin.signals import Sensors, Voltages
 
 log = logging.getLogger(__name__)
 
 _WHY = "by hand"
+SAMPLES: Final = 9
+"""Number of samples that the velocity of a running arm is taken from."""
+_PATIENCE: Final = 5.0
+"""Time in which a command of the controller has to come, s."""
+
+
+@dataclass(frozen=True, slots=True)
+class ArmState:
+    """How a running arm is.
+
+    Attributes:
+        time: plant time of the last sample, s.
+        theta: its angles, rad.
+        omega: its velocities from the last samples, rad/s.
+        holds_box: whether it holds a box, as its controller says.
+    """
+
+    time: float
+    theta: Triple
+    omega: Triple
+    holds_box: bool
 
 
 class LiveCell:
@@ -104,6 +129,37 @@ class LiveCell:
                         raise CommunicationError(f"no samples of the arm within {patience:g} s; is the cell working?")
                     sample = waiting.popleft()
                 yield sample
+        finally:
+            subscription.end()
+
+    def arm_state(self) -> ArmState:
+        """Where the arm is now, how fast it is, and whether it holds a box.
+
+        Raises:
+            CommunicationError: samples or commands do not come in time.
+        """
+        import numpy as np  # Who only asks or waits needs no library of numbers.
+
+        last: list[Sensors] = []
+        for sample in self.samples():
+            last = [*last, sample] if last and sample.sequence == last[-1].sequence + 1 else [sample]
+            if len(last) == SAMPLES:
+                break
+        # A parabola through several samples: a difference of two would show the encoders' noise.
+        times = PERIOD * np.arange(1 - len(last), 1)
+        angles = np.array([sample.theta for sample in last])
+        first, second, third = np.polyfit(times, angles, 2)[1].tolist()
+        return ArmState(last[-1].time, last[-1].theta, (first, second, third), self._holds_box())
+
+    def _holds_box(self) -> bool:
+        commands: SimpleQueue[Voltages] = SimpleQueue()
+        subscription = self.bus.subscribe(VOLTAGES, Voltages, commands.put)
+        try:
+            return commands.get(timeout=_PATIENCE).box_gripped
+        except Empty:
+            raise CommunicationError(
+                f"no commands of the controller within {_PATIENCE:g} s; is the cell working?"
+            ) from None
         finally:
             subscription.end()
 
