@@ -8,8 +8,8 @@ import pytest
 
 from dtwin.bus.opening import open_peer
 from dtwin.bus.session import Bus
-from dtwin.services.parts.answering import connection
 from dtwin.services.parts import recent
+from dtwin.services.parts.answering import connection
 from dtwin.services.parts.gate import STALE
 from dtwin.services.parts.state_file import StateFile
 from dtwin.signals import Sensors, Voltages
