@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from dtwin.api.arm.health import monitor_arm as monitor_arm
     from dtwin.api.arm.identification import IdentifiedArm as IdentifiedArm
     from dtwin.api.arm.identification import identify_arm as identify_arm
+    from dtwin.api.arm.live import LiveArm as LiveArm
+    from dtwin.api.arm.live import connect_arm as connect_arm
     from dtwin.api.arms import optimise_arm as optimise_arm
     from dtwin.api.arms import run_arm as run_arm
     from dtwin.api.arms import simulate_arm as simulate_arm
@@ -88,6 +90,8 @@ _MODULES = {
     "margins": "api.margins",
     "optimise": "api.optimisation",
     "connect": "api.live",
+    "connect_arm": "api.arm.live",
+    "LiveArm": "api.arm.live",
     "LiveCell": "api.live",
     "ArmParameters": "parameters",
     "Gains": "parameters",

@@ -90,7 +90,6 @@ CROWDED = {
     "dtwin.monitoring.sensing.gripper.GripperWatch": _SAMPLE,
     "dtwin.monitoring.sensing.readings.Readings": _SAMPLE,
     "dtwin.services.chain.bridge.ArmBridge": _NOT_YET,
-    "dtwin.services.chain.identification.Identifying": _NOT_YET,
     "dtwin.services.chain.monitoring.Watching": _NOT_YET,
     "dtwin.services.monitoring.Monitoring": _NOT_YET,
     "evidence.monitoring.twin_cell.TwinCell": _NOT_YET,

@@ -6,16 +6,17 @@ import getpass
 import itertools
 import logging
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from threading import Condition
 from types import TracebackType
-from typing import Final
+from typing import Final, Self
 
 from dtwin.api.arguments import AnyPath, checked
 from dtwin.bus.messages import (
+    DECIDE,
     FAULT,
     RELEASE,
     ROLL_BACK,
@@ -30,10 +31,19 @@ from dtwin.bus.messages import (
     StopState,
     Summary,
 )
+from dtwin.bus.proposals.identifying import identified
 from dtwin.bus.session import Bus
 from dtwin.bus.stopping import Stopped, stop
 from dtwin.bus.topics.topic import Topic
-from dtwin.bus.twin_messages import RollBackRequest, Upload, UploadRequest
+from dtwin.bus.twin_messages import (
+    DataSource,
+    IdentificationDecision,
+    IdentificationRequest,
+    IdentificationState,
+    RollBackRequest,
+    Upload,
+    UploadRequest,
+)
 from dtwin.errors import CommunicationError, ParameterError, UnansweredError
 from dtwin.parameters import PERIOD, ArmParameters, Gains, Triple
 from dtwin.services.runfile import join
@@ -77,7 +87,7 @@ class LiveCell:
         self.bus = bus
         self.missed = 0
 
-    def __enter__(self) -> LiveCell:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(
@@ -285,6 +295,57 @@ class LiveCell:
             CommunicationError: the settings are refused, or nobody answers.
         """
         return self._settings(UPLOAD, request)
+
+    @checked
+    def identify(
+        self,
+        *,
+        free: str = IdentificationRequest().free,
+        box_mass: float | None = None,
+        source: DataSource = "signal",
+        since: float = 0.0,
+        anew: str = "",
+        patience: float = 60.0,
+        progress: Callable[[IdentificationState], None] = lambda state: None,
+    ) -> IdentificationState:
+        """Has the arm identified, as `dtwin identify live` does; `decide` keeps the model or not.
+
+        Args:
+            free: what to estimate; without a known load something must set the scale of the forces: by default K1.
+            box_mass: mass that a box in the gripper is taken to have, kg; None for the middle of the cell's boxes.
+            source: signal: the blocks excite the arm; motion: the arm goes on working, and its motions tell what has
+                changed.
+            since: plant time from which on motion counts, s.
+            anew: which of the free parameters are not known any more; "" for all.
+            patience: time in which there must be a model, s.
+            progress: is told every state on the way.
+
+        Returns:
+            The state with the proposed model: parameters with standard errors, fit, doubts.
+
+        Raises:
+            CommunicationError: there is no such service (`dtwin up --identification`), or no model in time.
+            IdentificationError: the data are too poor, or do not come.
+        """
+        request = IdentificationRequest(free, box_mass, source, since, anew)
+        return identified(self.bus, request, patience, progress)
+
+    @checked
+    def decide(
+        self, accept: bool, *, name: str = "arm", upload: bool = False, anyway: bool = False
+    ) -> IdentificationState:
+        """Decides whether the model that `identify` proposes is kept.
+
+        Args:
+            accept: whether it is kept.
+            name: name to keep it under.
+            upload: whether it is uploaded to the controller, too; needs `dtwin up --simulation`.
+            anyway: whether a model that is in doubt is kept all the same.
+
+        Raises:
+            CommunicationError: no model waits for a decision, it is in doubt, or nobody answers.
+        """
+        return self.bus.ask(DECIDE, IdentificationDecision(accept, name, upload, anyway), IdentificationState)
 
     @checked
     def roll_back(self, why: str = _WHY, *, who: str | None = None) -> Upload:

@@ -20,7 +20,7 @@ from dtwin.arm.adjustment import Adjustment
 from dtwin.arm.chain import Array
 from dtwin.arm.file import ArmFile, file_of
 from dtwin.arm.model import ArmModel
-from dtwin.bus.chain.messages import JointAdjustment, JointTicks, JointUpload, JointUploadRequest
+from dtwin.bus.chain.messages import JointAdjustment, JointTick, JointTicks, JointUpload, JointUploadRequest
 from dtwin.bus.messages import (
     ADJUSTED,
     ARM_UPLOAD,
@@ -68,6 +68,41 @@ class Options(ArmCellOptions, Link):
         return 0
 
 
+class Motion:
+    """The last motion of an arm without a gap.
+
+    Args:
+        settings: run of the arm.
+    """
+
+    def __init__(self, settings: ChainSettings) -> None:
+        self._rows = Rows(settings.arm, settings.late)
+        self._most = round(REMEMBERED / (settings.arm.period * AT_ONCE))
+        self._blocks: list[tuple[Array, Array, Array, Array]] = []
+
+    def add(self, tick: JointTick) -> None:
+        """Takes a tick; what was before a gap, or of another run, is forgotten."""
+        if self._rows.add(tick):
+            self._blocks = []
+
+    def gather(self) -> bool:
+        """Keeps what has come, once that is enough; whether it was. The oldest is forgotten."""
+        if len(self._rows) < AT_ONCE:
+            return False
+        self._blocks.append(self._rows.drain())
+        del self._blocks[: max(0, len(self._blocks) - self._most)]
+        return True
+
+    def since(self, time: float) -> tuple[Array, Array, Array, Array]:
+        """Times (N,), readings, targets and efforts (N, n) from a plant time (s) on."""
+        if not self._blocks:
+            nothing: Array = np.zeros(0)
+            return nothing, nothing, nothing, nothing
+        t, q, target, effort = (np.concatenate(column) for column in zip(*self._blocks, strict=True))
+        after = t >= time
+        return t[after], q[after], target[after], effort[after]
+
+
 class Identifying:
     """One identification after another, each from request to decision.
 
@@ -88,7 +123,7 @@ class Identifying:
         self._request = IdentificationRequest()
         self._found: Identification | None = None
         self._finished = 0
-        self._forget()
+        self._motion = Motion(settings)
         bus = service.bus
         self._progress = progress = Progress(bus)
         bus.subscribe(JOINT_TICKS, JointTicks, service.inbox.put)
@@ -119,30 +154,20 @@ class Identifying:
             if service.report_due():
                 service.report("running", self._finished, time=self._time)
 
-    def _forget(self) -> None:
-        self._rows = Rows(self._settings.arm, self._settings.late)
-        self._kept: list[tuple[Array, Array, Array, Array]] = []
-
     def _adjust(self, message: JointAdjustment) -> None:
         """Begins anew where the blocks count on something else: it was an arm that changed."""
         now = Adjustment(message.offset, message.strength, message.friction, message.load)
         if len(now.offset) == len(self._settings.arm) and now != self._adjustment:
             self._adjustment = now
-            self._forget()
+            self._motion = Motion(self._settings)
 
     def _on_ticks(self, passed: JointTicks) -> None:
         for tick in passed.ticks:
             if len(tick.sensors.theta) != len(self._settings.arm):
                 return
-            if self._rows.add(tick):  # a gap, or another run
-                self._kept = []
+            self._motion.add(tick)
             self._time = tick.sensors.time
-        if len(self._rows) < AT_ONCE:
-            return
-        self._kept.append(self._rows.drain())
-        spare = len(self._kept) - round(REMEMBERED / (self._settings.arm.period * AT_ONCE))
-        del self._kept[: max(0, spare)]
-        if self._progress.state.phase == "measuring" and self._deadline:
+        if self._motion.gather() and self._progress.state.phase == "measuring" and self._deadline:
             self._look()
 
     def _ask(self, request: IdentificationRequest) -> IdentificationState:
@@ -161,9 +186,7 @@ class Identifying:
 
     def _look(self) -> None:
         """Identifies the arm once enough has passed."""
-        rows = [np.concatenate(column) for column in zip(*self._kept, strict=True)] or [np.zeros(0)] * 4
-        after = rows[0] >= self._request.since
-        t, q, target, effort = (column[after] for column in rows)
+        t, q, target, effort = self._motion.since(self._request.since)
         needed = round(NEEDED / self._settings.arm.period)
         if len(t) < needed:
             seen = IdentificationState("measuring", "the arm is watched", len(t), needed)

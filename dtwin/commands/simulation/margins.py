@@ -92,7 +92,7 @@ class MarginsCommand(CompensationOptions, CellFileOption):
 def _table(judged: Sequence[CaseMargins], count: int) -> Table:
     table = Table(title=f"margins, the worst {len(judged)} of {count} cases")
     table.add_column("pose")
-    for name in ("box kg", "disk", "gain dB", "phase °", "delay ticks", "weaker %", "stronger %", "peak S"):
+    for name in ("box\nkg", "disk", "gain\ndB", "phase\n°", "delay\nticks", "weaker\n%", "stronger\n%", "peak\nS"):
         table.add_column(name, justify="right")
     for one in judged:
         case, m = one.case, one.case.margins
