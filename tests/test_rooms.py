@@ -79,7 +79,6 @@ _NOT_YET = "not split yet"
 CROWDED = {
     "dtwin.emulation.plant.Plant": _VIEWS,
     "dtwin.emulation.contact.bodies.Bodies": _VIEWS,
-    "dtwin.emulation.emulation.Emulation": _NOT_YET,
     "dtwin.line.live.overall.LiveOverall": _NOT_YET,
     "dtwin.line.live.zone.LiveZone": _NOT_YET,
     "dtwin.line.twins.node.NodeTwin": _NOT_YET,
@@ -92,7 +91,6 @@ CROWDED = {
     "dtwin.services.chain.bridge.ArmBridge": _NOT_YET,
     "dtwin.services.chain.monitoring.Watching": _NOT_YET,
     "dtwin.services.monitoring.Monitoring": _NOT_YET,
-    "evidence.monitoring.twin_cell.TwinCell": _NOT_YET,
     "iec61499.device.runner.Runner": _NOT_YET,
     "iec61499.net.opcua.remote.RemoteChannel": _NOT_YET,
     "iec61499.runtime.resource.Resource": _TABLES,
