@@ -87,7 +87,7 @@ class LiveArm(LiveCell):
         tuned = {"pole": pole, "observer": observer, "speed": speed}
         given = {name: value for name, value in tuned.items() if value is not None}
         if (model is None and not given) == (version is None):
-            raise ParameterError("upload arm: expected a model, `pole`, `observer` or `speed`, or `version` alone")
+            raise ParameterError("upload arm: expected a file, `pole`, `observer` or `speed`, or `version` alone")
         known = None if model is None else ArmModel.of(arm_of(str(model)))
         now = self.arm_settings()
         seen = now.version if based_on is None else based_on
