@@ -91,7 +91,6 @@ CROWDED = {
     "dtwin.services.chain.bridge.ArmBridge": _NOT_YET,
     "dtwin.services.chain.monitoring.Watching": _NOT_YET,
     "dtwin.services.monitoring.Monitoring": _NOT_YET,
-    "iec61499.net.opcua.remote.RemoteChannel": _NOT_YET,
     "iec61499.runtime.resource.Resource": _TABLES,
 }
 """Classes with more private fields, and why; no other may have more."""
