@@ -11,9 +11,10 @@ from dtwin.api.arguments import AnyPath, checked
 from dtwin.arm.chain import Arm
 from dtwin.emulation.chain.arms import arm_of
 from dtwin.errors import ParameterError, RecordingError
+from dtwin.files import ensure_writable
 from dtwin.monitoring.chain.finding import ChainFinding
 from dtwin.monitoring.chain.learning import acquainted
-from dtwin.monitoring.chain.record import ArmRecord, judged, read_arm_record, record_of
+from dtwin.monitoring.chain.record import ArmRecord, judged, read_arm_record, record_of, write_arm_record
 from dtwin.monitoring.chain.sequential import HEALTHY
 from dtwin.monitoring.settings import LEAST_HEALTHY
 from dtwin.run.arm_log import read_arm_log
@@ -75,20 +76,21 @@ def monitor_arm(
 
 
 @checked
-def commission_arm(log: AnyPath, arm: AnyPath) -> ArmRecord:
+def commission_arm(log: AnyPath, arm: AnyPath, *, out: AnyPath | None = None) -> ArmRecord:
     """Learns what the drives and encoders of any serial arm show at its healthy work, as `commission LOG --arm` does.
 
     Args:
         log: Parquet log of `dtwin run --arm` or `dtwin up --arm`.
         arm: a name of arms/, an arm's file (*.toml) or a model (*.urdf, *.xml).
-
-    Returns:
-        The record, which `dtwin.monitoring.chain.record.write_arm_record` writes for `monitor_arm` and `up`.
+        out: file that the record is written to, *.json, for `monitor_arm` and `dtwin up --arm`.
 
     Raises:
-        RecordingError: the log is too short, or its first half does not foretell its second one.
+        RecordingError: the log is too short, its first half does not foretell its second one, or the record cannot be
+            written.
         DtwinError: arm or log cannot be read.
     """
+    if out is not None:
+        ensure_writable(Path(out), ".json")
     known = arm_of(str(arm))
     rows = read_arm_log(Path(log), known)
     seconds = float(rows.t[-1] - rows.t[0])
@@ -96,4 +98,7 @@ def commission_arm(log: AnyPath, arm: AnyPath) -> ArmRecord:
         watch = acquainted(known, rows.t, rows.q, rows.target, rows.effort, seconds - 0.5 * known.period)
     except RecordingError as error:
         raise RecordingError(f"{log}: {error}") from None
-    return record_of(watch, known, round(seconds, 6))
+    record = record_of(watch, known, round(seconds, 6))
+    if out is not None:
+        write_arm_record(record, Path(out))
+    return record

@@ -11,8 +11,7 @@ from rich.table import Table
 
 from dtwin.api.arm.health import commission_arm
 from dtwin.commissioning.words import NINETY_FIVE
-from dtwin.files import ensure_writable
-from dtwin.monitoring.chain.record import ArmRecord, write_arm_record
+from dtwin.monitoring.chain.record import ArmRecord
 from dtwin.terminal import as_text, print_json, print_table
 
 SHOWN = ("rotor", "viscous", "dry friction", "friction with load", "offset")
@@ -32,11 +31,7 @@ def print_commissioned(log: Path, arm: str, out: Path | None, json: bool) -> int
         RecordingError: the log is too short, or its first half does not foretell its second one.
         DtwinError: arm or log cannot be read, or the record cannot be written.
     """
-    if out is not None:
-        ensure_writable(out, ".json")
-    record = commission_arm(log, arm)
-    if out is not None:
-        write_arm_record(record, out)
+    record = commission_arm(log, arm, out=out)
     if json:
         print_json(msgspec.to_builtins(record))
     else:
