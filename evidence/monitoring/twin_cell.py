@@ -47,18 +47,21 @@ class _Readings:
         deviation: standard deviation of the noise, rad.
         loss: probability that a sample is lost.
         errors, losses: generators of both.
+
+    Attributes:
+        deviation, loss: the same.
     """
 
     def __init__(
         self, deviation: float, loss: float, errors: np.random.Generator, losses: np.random.Generator
     ) -> None:
-        self._deviation, self._loss = deviation, loss
+        self.deviation, self.loss = deviation, loss
         self._errors, self._losses = errors, losses
 
     def draw(self, count: int) -> tuple[Array, NDArray[np.bool_]]:
         """Noise (N, 3), rad, and whether the sample is lost, (N,), of the next ticks."""
-        noise = self._deviation * self._errors.standard_normal((count, 3))
-        return noise, self._losses.random(count) < self._loss
+        noise = self.deviation * self._errors.standard_normal((count, 3))
+        return noise, self._losses.random(count) < self.loss
 
 
 class _Blocks:
