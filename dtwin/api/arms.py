@@ -242,7 +242,7 @@ def _for_fmu(arm: Arm, machine: str) -> Arm:
     found = machine_of(machine, arm)
     if yielding := [joint.name for joint in found.arm.joints if joint.transmission is not None]:
         raise ParameterError(
-            f"machine {machine}: the gears of {' and '.join(yielding)} yield, and an FMU takes motor and joint for "
+            f"`machine` {machine}: the gears of {' and '.join(yielding)} yield, and an FMU takes motor and joint for "
             "one: expected `machine` ideal, or one without gear_stiffness"
         )
     if found.friction:

@@ -50,6 +50,7 @@ def commission(
     out: AnyPath | None = None,
     report: AnyPath | None = None,
     tell: Callable[[str], None] = _unheard,
+    warn: Callable[[str], None] = _unheard,
     progress: Callable[[str], None] = _unheard,
 ) -> Commissioned:
     """Commissions the arm of a log: sensors, identification, settings of the controller, monitor.
@@ -63,7 +64,8 @@ def commission(
         out: file that the record is written to, *.json, beside which stages that are done are kept: the same call
             goes on where an earlier one was interrupted.
         report: page that the report is written to, *.html.
-        tell: is told in words which stage is done, and what will not work.
+        tell: is told in words which stage is done.
+        warn: is told in words at which places an arm will do no work.
         progress: is told in words how far a stage is.
 
     Returns:
@@ -78,7 +80,7 @@ def commission(
     arm = _designed(known)
     path = Path(log)
     rows = read_log(path)
-    _warn(task_of(rows.metadata), arm, tell)
+    _warn(task_of(rows.metadata), arm, warn)
     stages = files.stages(arm, tell, str(path), _digest(path))
     found = procedure.commission(stages, rows, lambda: rows, arm, str(path), progress)
     files.write(found, progress)
@@ -99,6 +101,7 @@ def commission_live(
     known: ArmParameters | AnyPath | None = None,
     report: AnyPath | None = None,
     tell: Callable[[str], None] = _unheard,
+    warn: Callable[[str], None] = _unheard,
     progress: Callable[[str], None] = _unheard,
 ) -> Commissioned:
     """Commissions the arm of a running cell at its healthy work, as `dtwin commission --live` does.
@@ -114,7 +117,8 @@ def commission_live(
         cell_file: cell whose places the arm works at: a file (*.toml), or a name of the folder cells.
         known: parameters of the arm as it was designed, or their JSON file; None for the data sheet.
         report: page that the report is written to, *.html.
-        tell: is told in words which stage is done, and what will not work.
+        tell: is told in words which stage is done.
+        warn: is told in words at which places an arm will do no work.
         progress: is told in words how far a stage is.
 
     Returns:
@@ -133,7 +137,7 @@ def commission_live(
     files = _Files(out, report)
     arm = _designed(known)
     task = DEFAULT_TASK if cell_file is None else cell_of(str(cell_file)).task
-    _warn(task, arm, tell)
+    _warn(task, arm, warn)
     stages = files.stages(arm, tell, "live", cell, motion, watch, excite, notes_of(task))
 
     def collected(name: str, seconds: float, excited: bool) -> Log:
@@ -190,10 +194,10 @@ def _designed(known: ArmParameters | AnyPath | None) -> ArmParameters:
     return load_arm(Path(known)) if isinstance(known, str | Path) else known or ArmParameters()
 
 
-def _warn(task: Task, arm: ArmParameters, tell: Tell) -> None:
+def _warn(task: Task, arm: ArmParameters, warn: Tell) -> None:
     """Tells, before anybody waits for it, at which places an arm will do no work."""
     for text in out_of_place(task, arm):
-        tell(f"warning: {text}")
+        warn(text)
 
 
 def _excite(bus: Bus) -> None:

@@ -159,6 +159,6 @@ def judging_arms(model: IdentifiedModel | None, count: int, seed: int) -> tuple[
 def _motion(text: str, task: Task) -> Motion:
     start, colon, goal = text.partition(":")
     if not colon:
-        raise ParameterError(f"--motion {text}: expected FROM:TO, e.g. pickup:red")
+        raise ParameterError(f"`motion` {text}: expected FROM:TO, e.g. pickup:red")
     angles_of(start, task), angles_of(goal, task)
     return Motion(start, goal, start == PICKUP_NAME and goal in task.colours)

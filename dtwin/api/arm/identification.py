@@ -107,7 +107,9 @@ def _samples(
     for text in loads:
         file, equals, mass = text.rpartition("=")
         if not equals or file not in names:
-            raise ParameterError(f"load {text!r}: expected FILE=KG or FILE={UNKNOWN}, FILE one of {', '.join(names)}")
+            raise ParameterError(
+                f"`load` {text!r}: expected FILE=KG or FILE={UNKNOWN}, FILE one of {', '.join(names)}"
+            )
         # Files of one name in several folders are several loads.
         alike = [name for name in names if Path(name).stem == Path(file).stem]
         held[file] = Path(file).stem if len(alike) == 1 else file
@@ -123,7 +125,7 @@ def _mass(text: str, mass: str) -> float:
     except ValueError:
         value = float("nan")
     if not 0.0 < value < 1e4:
-        raise ParameterError(f"load {text!r}: expected a mass above 0 kg, or {UNKNOWN}")
+        raise ParameterError(f"`load` {text!r}: expected a mass above 0 kg, or {UNKNOWN}")
     return value
 
 

@@ -14,6 +14,7 @@ from rich.table import Table
 from dtwin.api.commissioning import commission, commission_live
 from dtwin.commands.cell.chain import THESIS
 from dtwin.commands.frame import arguments_as_options
+from dtwin.commands.hints import warn
 from dtwin.commissioning.words import NINETY_FIVE, load, steps
 from dtwin.errors import ParameterError
 from dtwin.identification.machine.record import MachineRecord
@@ -82,6 +83,7 @@ class Commission:
                 "known": self.known,
                 "report": self.report,
                 "tell": lambda text: console.print(as_text(text)),
+                "warn": warn,
                 "progress": status.update,
             }
             if self.log is not None:
