@@ -105,7 +105,7 @@ class ArmBridge:
         self._tell: Callable[[Event], None] = bus.publisher(EVENTS)
         self._tell_adjusted: Callable[[JointAdjustment], None] = bus.publisher(ADJUSTED)
         bus.answer(ADJUSTMENT, JointAdjustment, self._adjust, lambda: self._in_force)
-        bus.answer(MODEL, JointModel, self._set_model, lambda: self._model)
+        bus.answer(MODEL, JointModel, self._reckon, lambda: self._model)
         keep_desk(bus)
         bus.subscribe(EVENTS, Event, self._note)
         bus.subscribe(JOINT_SENSORS, JointSensors, service.inbox.put)
@@ -177,7 +177,7 @@ class ArmBridge:
         self._in_force = wished
         self._tell_adjusted(wished)
 
-    def _set_model(self, wished: JointModel) -> JointModel:
+    def _reckon(self, wished: JointModel) -> JointModel:
         """Gives the blocks another model and tuning, between two samples, on Zenoh's thread.
 
         Raises:
@@ -188,7 +188,7 @@ class ArmBridge:
         changed, anew = held_inputs(arm, inertia, control), inputs(arm, inertia, control, self._settings.poses)
         with self._stops.answering:
             self._inputs, self._model = anew, wished
-            self._blocks.set_model(changed)
+            self._blocks.reckon_with(changed)
         self._tell(Event(self._time(), EventKind.UPLOAD, f"settings of {wished.who}: {wished.why}"[:1000]))
         return wished
 
@@ -238,10 +238,10 @@ class OwnBlocks:
             self._adjustment = found
             self._controller.adjust(found)
 
-    def set_model(self, values: Mapping[str, float]) -> None:
+    def reckon_with(self, values: Mapping[str, float]) -> None:
         """Gives these blocks another model and tuning; those that come in their place are made with them."""
         with self._lock:
-            self._controller.set_model(values)
+            self._controller.reckon_with(values)
 
     def step(self, sample: JointSensors) -> JointCommands:
         """The answer of the blocks to a sample."""

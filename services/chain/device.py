@@ -87,7 +87,7 @@ class DeviceBlocks:
             self._adjustment = found
             self._twin.exchange(found.message)
 
-    def set_model(self, values: Mapping[str, float]) -> None:
+    def reckon_with(self, values: Mapping[str, float]) -> None:
         """Gives the blocks another model and tuning; no sample may be on its way meanwhile."""
         with self._lock:
             for name, value in values.items():

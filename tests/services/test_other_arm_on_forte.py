@@ -86,7 +86,7 @@ def test_a_forte_gets_gains_and_speeds_as_blocks_in_this_process_do(tmp_path: Pa
         for k in range(120):
             if k in (40, 80):  # on the way, and back again
                 changed = tuned if k == 40 else held_inputs(arm, inertia, settings.control)
-                near.set_model(changed)
-                far.set_model(changed)
+                near.reckon_with(changed)
+                far.reckon_with(changed)
             where = tuple(float(x) + 1e-4 * k for x in settings.poses.positions[0])
             assert far.step(JointSensors(k, k * arm.period, where)).commands == near.step(where), k

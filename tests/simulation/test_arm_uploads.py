@@ -156,7 +156,7 @@ def test_blocks_that_get_a_model_answer_as_blocks_that_were_made_with_it() -> No
     control, inertia = Control(), usual_inertia(other)
     told = ChainController(len(arm), inputs(arm, usual_inertia(arm), control, None))
     made = ChainController(len(arm), inputs(other, inertia, control, None))
-    told.set_model(held_inputs(other, inertia, control))
+    told.reckon_with(held_inputs(other, inertia, control))
     generator = np.random.default_rng(1)
     q = np.zeros(len(arm))
     for _ in range(50):
@@ -177,7 +177,7 @@ def test_blocks_that_get_a_tuning_lead_the_arm_as_blocks_that_were_made_with_it(
     told = ChainController(len(arm), inputs(arm, inertia, Control(), poses))
     made = ChainController(len(arm), inputs(arm, inertia, tuned, poses))
     usual = ChainController(len(arm), inputs(arm, inertia, Control(), poses))
-    told.set_model(held_inputs(arm, inertia, tuned))
+    told.reckon_with(held_inputs(arm, inertia, tuned))
     fastest = np.zeros(2)
     for k in range(300):
         q = (poses.positions[0] + 1e-4 * k).tolist()

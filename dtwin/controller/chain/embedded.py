@@ -91,7 +91,7 @@ class ChainController:
         """Lets the joints count on what was found of them, from the next sample on."""
         self._twin(found.message)
 
-    def set_model(self, values: Mapping[str, float]) -> None:
+    def reckon_with(self, values: Mapping[str, float]) -> None:
         """Gives the blocks another model and tuning from the next sample on (model.held_inputs)."""
         for name, value in values.items():
             self.resource.write(name, value)
