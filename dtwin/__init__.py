@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from dtwin.api.arm.identification import identify_arm as identify_arm
     from dtwin.api.arm.live import LiveArm as LiveArm
     from dtwin.api.arm.live import connect_arm as connect_arm
+    from dtwin.api.arm.margins import margins_arm as margins_arm
     from dtwin.api.arms import optimise_arm as optimise_arm
     from dtwin.api.arms import run_arm as run_arm
     from dtwin.api.arms import simulate_arm as simulate_arm
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
     from dtwin.api.live import LiveCell as LiveCell
     from dtwin.api.live import connect as connect
     from dtwin.api.margins import margins as margins
-    from dtwin.api.margins import margins_arm as margins_arm
     from dtwin.api.measurements import from_arrays as from_arrays
     from dtwin.api.measurements import identify_chain as identify_chain
     from dtwin.api.measurements import read_arm as read_arm
@@ -69,7 +69,7 @@ _MODULES = {
     "run_arm": "api.arms",
     "simulate_arm": "api.arms",
     "optimise_arm": "api.arms",
-    "margins_arm": "api.margins",
+    "margins_arm": "api.arm.margins",
     "monitor_arm": "api.arm.health",
     "commission_arm": "api.arm.health",
     "write_fmu_arm": "api.arms",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from dtwin.api.arguments import AnyPath, checked
@@ -10,21 +9,14 @@ from dtwin.api.simulation import Model, arm_of_model
 from dtwin.controller.bounds import check_model
 from dtwin.controller.motion import MotionController
 from dtwin.controller.settings import APPLICATION_LAW, Compensation, ControlSettings, usual_gains
-from dtwin.emulation.chain.arms import arm_of
 from dtwin.errors import ParameterError
 from dtwin.identification.store import STORE
 from dtwin.parameters import ArmParameters, Gains, Law, Triple
 from dtwin.run.cell_file import cell_of
-from dtwin.run.margins import chain
-from dtwin.run.margins.chain import JointMargins
-from dtwin.run.margins.gears import control_of
 from dtwin.simulation.margins.demands import MARGINS, Case, Demands, Shortfall, cases
 from dtwin.simulation.margins.poses import POSES
 from dtwin.simulation.margins.poses import poses as poses_of
 from dtwin.task import DEFAULT_TASK
-
-_LARGEST_LATE = 10
-"""Most ticks after which an arm of n joints may obey."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,30 +106,6 @@ def margins(
     judged = [CaseMargins(case, MARGINS.shortfall(case.margins)) for case in found]
     judged.sort(key=lambda each: (each.shortfall.share if each.shortfall else 1.0, each.case.margins.disk))
     return CellMargins(tuple(judged), MARGINS)
-
-
-@checked
-def margins_arm(arm: AnyPath, *, poses: int = POSES, late: int = 0) -> Mapping[str, JointMargins]:
-    """Computes what change of any serial arm its controller stands, as `dtwin margins --arm` does.
-
-    Args:
-        arm: a name of arms/, an arm's file (*.toml) or a model (*.urdf, *.xml).
-        poses: number of poses that are drawn, at least 1.
-        late: ticks from a command until it acts, 0 to 10.
-
-    Returns:
-        The least margins over all poses by the names of the joints: gain and weakest (factors of the drive's
-        constant), phase (rad), delay (s), modulus, stable.
-
-    Raises:
-        DtwinError: a file cannot be used, or a value is out of range.
-    """
-    _check_poses(poses)
-    if not 0 <= late <= _LARGEST_LATE:
-        raise ParameterError(f"late: expected 0 to {_LARGEST_LATE} ticks, got {late}")
-    known = arm_of(str(arm))
-    found = chain.margins(known, control_of(known, late), poses, late=late)
-    return {joint.name: one for joint, one in zip(known.joints, found, strict=True)}
 
 
 def _check_poses(poses: int) -> None:

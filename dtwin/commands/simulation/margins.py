@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 from rich.table import Table
 
-from dtwin.api.margins import CaseMargins, CellMargins, margins, margins_arm
+from dtwin.api.arm.margins import margins_arm
 from dtwin.commands.frame import arguments_as_options, at_least
 from dtwin.commands.simulation.chain import print_margins
 from dtwin.controller.settings import APPLICATION_LAW, ControlSettings, usual_gains
@@ -20,6 +20,9 @@ from dtwin.parameters import Law, Triple
 from dtwin.run.options import CellFileOption, CompensationOptions
 from dtwin.simulation.margins.poses import POSES
 from dtwin.terminal import print_json, print_table
+
+if TYPE_CHECKING:
+    from dtwin.api.margins import CaseMargins, CellMargins
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,6 +63,8 @@ class MarginsCommand(CompensationOptions, CellFileOption):
         with arguments_as_options(self):
             if self.arm is not None:
                 return self._of_other_arm(self.arm)
+            from dtwin.api.margins import margins  # the cell's simulation, which other arms do without
+
             found = margins(
                 law=self.law,
                 gains=usual_gains(self.law, self.kp, self.ki, self.kd),
