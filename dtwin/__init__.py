@@ -8,26 +8,42 @@ import os
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from dtwin.api.arm.health import commission_arm as commission_arm
+    from dtwin.api.arm.health import monitor_arm as monitor_arm
+    from dtwin.api.arm.identification import IdentifiedArm as IdentifiedArm
+    from dtwin.api.arm.identification import identify_arm as identify_arm
+    from dtwin.api.arm.live import LiveArm as LiveArm
+    from dtwin.api.arm.live import connect_arm as connect_arm
+    from dtwin.api.arm.margins import margins_arm as margins_arm
     from dtwin.api.arms import optimise_arm as optimise_arm
     from dtwin.api.arms import run_arm as run_arm
     from dtwin.api.arms import simulate_arm as simulate_arm
+    from dtwin.api.arms import write_fmu_arm as write_fmu_arm
     from dtwin.api.cell import Cell as Cell
+    from dtwin.api.commissioning import commission as commission
+    from dtwin.api.commissioning import commission_live as commission_live
+    from dtwin.api.experiment import identify_experiment as identify_experiment
+    from dtwin.api.health import servo_health as servo_health
     from dtwin.api.identification import Identified as Identified
     from dtwin.api.identification import identify as identify
     from dtwin.api.live import LiveCell as LiveCell
     from dtwin.api.live import connect as connect
+    from dtwin.api.margins import margins as margins
     from dtwin.api.measurements import from_arrays as from_arrays
     from dtwin.api.measurements import identify_chain as identify_chain
     from dtwin.api.measurements import read_arm as read_arm
     from dtwin.api.measurements import read_log as read_log
     from dtwin.api.measurements import write_log as write_log
     from dtwin.api.monitoring import Monitored as Monitored
+    from dtwin.api.monitoring import compare_with_simulation as compare_with_simulation
     from dtwin.api.monitoring import monitor as monitor
+    from dtwin.api.optimisation import optimise as optimise
     from dtwin.api.run import Run as Run
     from dtwin.api.run import RunError as RunError
     from dtwin.api.run import load as load
-    from dtwin.api.simulation import optimise as optimise
     from dtwin.api.simulation import simulate as simulate
+    from dtwin.api.simulation import simulate_log as simulate_log
+    from dtwin.api.simulation import vary as vary
     from dtwin.controller.settings import usual_gains as usual_gains
     from dtwin.errors import DtwinError as DtwinError
     from dtwin.parameters import ArmParameters as ArmParameters
@@ -47,19 +63,35 @@ _MODULES = {
     "load": "api.run",
     "identify": "api.identification",
     "Identified": "api.identification",
+    "identify_experiment": "api.experiment",
+    "identify_arm": "api.arm.identification",
+    "IdentifiedArm": "api.arm.identification",
     "run_arm": "api.arms",
     "simulate_arm": "api.arms",
     "optimise_arm": "api.arms",
+    "margins_arm": "api.arm.margins",
+    "monitor_arm": "api.arm.health",
+    "commission_arm": "api.arm.health",
+    "write_fmu_arm": "api.arms",
     "identify_chain": "api.measurements",
     "read_arm": "api.measurements",
     "read_log": "api.measurements",
     "from_arrays": "api.measurements",
     "write_log": "api.measurements",
     "monitor": "api.monitoring",
+    "compare_with_simulation": "api.monitoring",
     "Monitored": "api.monitoring",
+    "commission": "api.commissioning",
+    "commission_live": "api.commissioning",
+    "servo_health": "api.health",
     "simulate": "api.simulation",
-    "optimise": "api.simulation",
+    "simulate_log": "api.simulation",
+    "vary": "api.simulation",
+    "margins": "api.margins",
+    "optimise": "api.optimisation",
     "connect": "api.live",
+    "connect_arm": "api.arm.live",
+    "LiveArm": "api.arm.live",
     "LiveCell": "api.live",
     "ArmParameters": "parameters",
     "Gains": "parameters",

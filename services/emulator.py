@@ -119,7 +119,7 @@ class Emulator(Paced[Sensors, Voltages]):
         if self._publish_truth.wanted:
             self._publish_truth(self._cell.emulation.truth())
 
-    def tell_what_acts(self, sample: Sensors, command: Voltages, answers: bool) -> None:
+    def publish_acting(self, sample: Sensors, command: Voltages, answers: bool) -> None:
         """Publishes what acts in this tick unless that is the command that answers its sample."""
         if self._publish_ticks.wanted:
             self._passed.add(sample, command)

@@ -12,6 +12,7 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
 
@@ -22,9 +23,7 @@ from dtwin.bus.messages import ACTED, EVENTS, MONITORING, PATH, RESIDUALS, SENSO
 from dtwin.bus.messages import Path as PathAngles
 from dtwin.bus.session import Bus
 from dtwin.bus.twin_messages import MonitoringResiduals, MonitoringVerdict
-from dtwin.bus.verdicts.opinion import Opinion, is_known
-from dtwin.errors import NoSpaceError, ParameterError, RecordingError
-from dtwin.logs.collecting import RunLog
+from dtwin.errors import ParameterError, RecordingError
 from dtwin.logs.log import Log
 from dtwin.parameters import PERIOD, ArmParameters
 from dtwin.run.options import ArmOptions
@@ -33,13 +32,16 @@ from dtwin.services.parts.missed.catching_up import catch_up
 from dtwin.services.parts.missed.leaving import LastMessages
 from dtwin.services.parts.part_files import discard_parts, first_recording, mark_begun, numbered
 from dtwin.services.parts.readiness.ghost import believed, prepare_ghost
+from dtwin.services.parts.recording.collected import Collected
+from dtwin.services.parts.recording.disk import DiskNews
+from dtwin.services.parts.recording.drawing import Drawing
+from dtwin.services.parts.recording.verdicts import Verdicts
 from dtwin.services.parts.rows import LOSSLESS_PATIENCE, PATIENCE, Rows
 from dtwin.services.service import Link, Service, main
-from dtwin.signals import Event, EventKind, Sensors, StepRecord, Truth, Voltages
+from dtwin.signals import Event, EventKind, Sensors, Truth, Voltages
 from dtwin.view.viewer import Detail, Ports, Viewer, ViewerProcess, has_gpu
 
 if TYPE_CHECKING:
-    from dtwin.run.prediction import BelievedArm
     from dtwin.view.live import LiveView
 
 log = logging.getLogger(__name__)
@@ -47,14 +49,8 @@ log = logging.getLogger(__name__)
 NAME: Final = "recorder"
 FLUSH: Final = 0.5
 """s between two parts"""
-DRAWING: Final = 0.2
-"""Longest time for which what an earlier recorder left is drawn before the next messages are taken, s."""
-LAST_DRAWING: Final = 2.0
-"""Longest time for which the rest is drawn at the end, s."""
 RECORDINGS: Final = 50
 """Number of recordings of one run; every reset of the cell begins another one."""
-REPEATED: Final = 60.0
-"""s after which a trouble that lasts is logged again"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,6 +79,28 @@ class Options(ArmOptions, Link):
     """Where the viewer listens."""
     notes: str = "{}"
     """What the log shall say about how the run was made, as a JSON object."""
+
+    def views(self, arm: ArmParameters, notes: dict[str, Any]) -> Callable[[int], LiveView] | None:
+        """Opens the recording of a number, or a view without a file; None where nothing is drawn.
+
+        Args:
+            arm: arm that is drawn.
+            notes: what the log says about how the run was made, from which the ghost is known.
+        """
+        if self.record is None and self.viewer == "none":
+            return None
+        ghost = cache(lambda: believed(self.commissioned, notes))
+
+        def view(number: int) -> LiveView:
+            from dtwin.view.live import LiveView  # loads Rerun and MuJoCo, which a log alone does not need
+
+            file = None if self.record is None else numbered(self.record, number)
+            sparse = file is None and self.viewer == "web" and not has_gpu()
+            detail: Detail | Literal["sparse"] = "sparse" if sparse else self.detail
+            url = "" if self.viewer == "none" else self.ports.data_url
+            return LiveView(self.mjcf, arm, file, url, self.monitored, detail, self.task(), ghost())
+
+        return view
 
     def run(self) -> int:
         try:
@@ -124,26 +142,17 @@ class Recorder:
         self._tell = tell
         self._options = options
         self._notes = notes
-        self._arm = arm
         self._runs = first_recording(options.log, options.record, options.resumable)
-        self._ticks = 0
         self._over = False
-        self._run_log = RunLog()
+        self._collected = Collected()
         patience = LOSSLESS_PATIENCE if options.lossless else PATIENCE
-        self.rows = Rows(self._add_row, self._begin_another, patience=patience)
+        self.rows = Rows(self._collected.add, self._begin_another, patience=patience)
         self._parts: Parts | None = None
-        self._view: LiveView | None = None
-        self._believed: BelievedArm | None = None
-        kind = options.viewer
-        self._viewer = ViewerProcess(kind, options.ports) if kind != "none" else None
-        self._time = 0.0
+        self._disk = DiskNews(tell, lambda: self._collected.time)
+        viewer = ViewerProcess(options.viewer, options.ports) if options.viewer != "none" else None
+        self._drawing = Drawing(options.views(arm, notes), viewer, options.record, self._disk)
+        self._verdicts = Verdicts()
         self._caught: dict[int, Sensors] = {}
-        self._opinion, self._known = Opinion(), True
-        self._residuals: list[MonitoringResiduals] = []
-        self._verdicts: list[MonitoringVerdict] = []
-        self._undrawn: int | None = None
-        self._unready = False
-        self._said, self._trouble = 0.0, ""
         if options.log is not None and self._runs > 1:
             Parts(numbered(options.log, self._runs - 1)).finish(notes)  # A kill may have come while it was written.
         self._open()
@@ -151,9 +160,8 @@ class Recorder:
     def listen(self, service: Service) -> None:
         """Puts what passes on the bus into the inbox of the service."""
         bus = service.bus
-        self._tell = bus.publisher(EVENTS)
         take = service.inbox.put
-        rows = self.rows
+        rows, verdicts = self.rows, self._verdicts
         following = Following(lambda message: take((self._take_sensors, message)), bus.refuse)
         bus.subscribe(SENSORS, Sensors, following)
         bus.subscribe(TRUTH, Truth, lambda message: take((rows.truth, message)))
@@ -162,8 +170,8 @@ class Recorder:
         bus.subscribe(PATH, PathAngles, lambda message: take((rows.answer, message)))
         bus.subscribe(EVENTS, Event, lambda message: take((self.take_event, message)))
         if self._options.monitored:
-            bus.subscribe(RESIDUALS, MonitoringResiduals, lambda message: take((self._take_residuals, message)))
-            bus.subscribe(MONITORING, MonitoringVerdict, lambda message: take((self._take_verdict, message)))
+            bus.subscribe(RESIDUALS, MonitoringResiduals, lambda message: take((verdicts.take_residuals, message)))
+            bus.subscribe(MONITORING, MonitoringVerdict, lambda message: take((verdicts.take_verdict, message)))
 
     def run(self, service: Service) -> None:
         """Records until it is asked to end, and what was on its way then."""
@@ -175,7 +183,7 @@ class Recorder:
         while not service.stopping:
             self._deal_with(service.next(due - time.monotonic()))
             if time.monotonic() >= due:
-                self._judge(time.monotonic())
+                self._verdicts.judge(self._collected.time, time.monotonic(), self._options.monitored)
                 self.keep()
                 due = time.monotonic() + FLUSH
             if service.report_due():
@@ -190,8 +198,7 @@ class Recorder:
         """Writes the rest."""
         self.rows.flush()
         self._end(over=True)
-        if self._viewer is not None:
-            self._viewer.close()
+        self._drawing.close()
 
     def _deal_with(self, item: tuple[Callable[..., None], Any] | None) -> None:
         if item is not None:
@@ -212,53 +219,21 @@ class Recorder:
     def take_event(self, event: Event, now: float) -> None:
         """Takes an event."""
         if not self._over:
-            self._run_log.add_events([event])
-
-    def _take_residuals(self, message: MonitoringResiduals, now: float) -> None:
-        self._residuals.append(message)
-
-    def _take_verdict(self, message: MonitoringVerdict, now: float) -> None:
-        self._opinion.update(message, now)
-        self._verdicts.append(message)
-
-    def _add_row(self, record: StepRecord) -> None:
-        self._run_log.append(record)
-        self._time = record.sensors.time
-        self._ticks += 1
-
-    def _judge(self, now: float) -> None:
-        """Lets the recording show that the last verdict counts no more."""
-        self._opinion.sample(self._time, now)
-        verdict = self._opinion.current(now)
-        known = is_known(verdict)
-        if self._options.monitored and self._known and not known:
-            self._verdicts.append(verdict)
-        self._known = known
+            self._collected.add_event(event)
 
     def keep(self) -> None:
         """Keeps what has come since the last time, and draws it."""
-        part = self._run_log.freeze()
+        part = self._collected.take()
         if not len(part):
             return
-        self._run_log = RunLog()
         if not self._joined:
             part = self._joined_to(part)
             if not len(part):
                 return
         if self._parts is not None and not self._over:
             self._parts.add(part)
-            self._tell_news(self._parts)
-        if self._view is None and (self._options.record is not None or self._viewer is not None):
-            self._undrawn = 0
-            self._open_view()
-        if self._view is not None and self._view.ready:
-            self._draw(self._view, part)
-            self._view.add_monitoring(self._residuals, self._verdicts)
-        elif self._view is not None:
-            self._say_unready(f"{self._options.record}: no room for more")
-            if self._undrawn is None and self._parts is not None:
-                self._undrawn = self._parts.rows - (0 if self._parts.waiting else len(part))
-        self._residuals, self._verdicts = [], []
+            self._disk.announce_of(self._parts)
+        self._drawing.add(part, self._parts, self._verdicts, self._runs)
 
     def _joined_to(self, part: Log) -> Log:
         """The first part, or what of it follows the rows that an earlier recorder left.
@@ -277,59 +252,16 @@ class Recorder:
         elif last > -math.inf and (missing := first - last - PERIOD) > 0.5 * PERIOD:
             log.warning("goes on with a log that ends at %.2f s; %.2f s are missing", last, missing)
         self._joined = True
-        self._undrawn = 0 if first >= last > -math.inf else None
+        self._drawing.draw_from_start(first >= last > -math.inf)
         return part
-
-    def _draw(self, view: LiveView, part: Log) -> None:
-        """Draws what has come; first of all, for a short while each time, what is on disk and not drawn yet."""
-        if self._unready:
-            self._unready = False
-            self._announce("the recording is written again")
-        if self._undrawn is None or self._parts is None:
-            view.add(part)
-        else:
-            self._undrawn = self._draw_from(view, self._parts, self._undrawn, DRAWING)
-
-    def _draw_from(self, view: LiveView, parts: Parts, row: int, seconds: float) -> int | None:
-        """Draws the parts on disk from a row on for a time; returns the row to go on from, None when all is drawn."""
-        until = time.monotonic() + seconds
-        while time.monotonic() < until:
-            earlier = parts.read(row)
-            if earlier is None:
-                # Rows that wait for room on the disk are drawn as soon as they are there.
-                return row if parts.waiting else None
-            rows, row = earlier
-            view.add(rows)
-        return row
 
     def _open(self) -> None:
         """Opens what is to be written."""
         self._joined = False
-        self._undrawn = None
-        self._view = None
-        options = self._options
-        if options.log is not None:
-            self._parts = Parts(numbered(options.log, self._runs))
-            self._tell_news(self._parts)
-        if options.record is not None or options.viewer != "none":
-            self._open_view()
-
-    def _open_view(self) -> None:
-        """Opens the recording, unless there is no room for it now."""
-        from dtwin.view.live import LiveView  # loads Rerun and MuJoCo, which a log alone does not need
-
-        options = self._options
-        file = None if options.record is None else numbered(options.record, self._runs)
-        sparse = file is None and options.viewer == "web" and not has_gpu()
-        detail: Detail | Literal["sparse"] = "sparse" if sparse else options.detail
-        url = "" if self._viewer is None else options.ports.data_url
-        ghost = self._believed = self._believed or believed(options.commissioned, self._notes)
-        try:
-            self._view = LiveView(
-                options.mjcf, self._arm, file, url, options.monitored, detail, options.task(), ghost
-            )
-        except NoSpaceError as error:
-            self._say_unready(str(error))
+        if self._options.log is not None:
+            self._parts = Parts(numbered(self._options.log, self._runs))
+            self._disk.announce_of(self._parts)
+        self._drawing.open(self._runs)
 
     def _begin_another(self) -> bool:
         """Whether another recording could begin."""
@@ -339,7 +271,7 @@ class Recorder:
             log.error("%s", text)
             self._tell(Event(0.0, EventKind.RECORDING, text))
             return False
-        log.warning("the cell has started anew after %.2f s: another recording begins", self._time)
+        log.warning("the cell has started anew after %.2f s: another recording begins", self._collected.time)
         options = self._options
         if options.log is not None and options.resumable:
             mark_begun(options.log, self._runs + 1)  # Who goes on after a kill must not write over what is finished.
@@ -353,47 +285,21 @@ class Recorder:
     def _end(self, over: bool = False) -> None:
         """Finishes the files; when all is over also what came after the last row, else of the next run."""
         self.keep()
-        late = self._run_log.freeze().events if over else ()
-        if self._undrawn is not None and self._parts is not None and self._view is not None and self._view.ready:
-            self._undrawn = self._draw_from(self._view, self._parts, self._undrawn, LAST_DRAWING)
-        if self._undrawn is not None:
-            self._announce("the recording lacks what has not been drawn yet; the log holds it")
+        late = self._collected.events() if over else ()
+        self._drawing.draw_rest(self._parts)
         if self._parts is not None:
             try:
                 if self._parts.finish(self._notes, late) and self._options.resumable:
                     self._parts.mark_whole()
             except RecordingError as error:
-                self._announce(str(error))
-        if self._view is not None:
-            self._view.close()
-
-    def _tell_news(self, parts: Parts) -> None:
-        """Tells what happened to the files of the log."""
-        news, parts.news = parts.news, []
-        for text in news:
-            self._announce(text)
-
-    def _say_unready(self, text: str) -> None:
-        """Says once that there is no room for the recording."""
-        if not self._unready:
-            self._unready = True
-            self._announce(f"{text}; what the log holds is drawn when there is room")
-
-    def _repeat(self, now: float) -> None:
-        """Says again that there is no room, so that it stays the last error."""
-        if now >= self._said + REPEATED:
-            self._said = now
-            log.warning("%s", self._trouble)
-
-    def _announce(self, text: str) -> None:
-        self._said, self._trouble = time.monotonic(), text
-        log.warning("%s", text)
-        self._tell(Event(self._time, EventKind.DISK, text[:1000]))
+                self._disk.announce(str(error))
+        self._drawing.end()
 
     def _report(self, service: Service, state: State) -> None:
-        if self._unready or (self._parts is not None and self._parts.waiting):
-            self._repeat(time.monotonic())
-        service.report(state, self._ticks, time=self._time, late_ticks=self.rows.late)
+        if self._drawing.waits or (self._parts is not None and self._parts.waiting):
+            self._disk.repeat()
+        collected = self._collected
+        service.report(state, collected.ticks, time=collected.time, late_ticks=self.rows.late)
 
 
 if __name__ == "__main__":

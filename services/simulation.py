@@ -140,7 +140,7 @@ class Simulation:
         self, service: Service, history: History, checker: Checker, record: MachineRecord | None = None
     ) -> None:
         self._service = service
-        self._record, self._arm = record, None if record is None else record.arm
+        self._record = record
         self._history = history
         self._checker = checker
         self._uploader: Uploader | None = None
@@ -159,6 +159,11 @@ class Simulation:
         book = Book(history.path.with_name(f"{history.path.stem}-proposals.jsonl"))
         seen, tell = lambda: self._time, self._tell_proposal
         Proposing(book, self._lock, self._there, seen, _proposal, self._now, tell, self._arm).answer(bus)
+
+    @property
+    def _arm(self) -> ArmParameters | None:
+        """The arm that motions are simulated of; None for that of the controller's model."""
+        return None if self._record is None else self._record.arm
 
     def run(self) -> None:
         """Works until it is asked to end."""

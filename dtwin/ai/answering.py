@@ -168,8 +168,8 @@ class Answering:
             return ended("too weak", f"stop the arm: {weak}")
         except DoubtfulFinding as doubt:
             return ended("too doubtful", f"stop the arm: {doubt}")
-        except (CriticalFinding, StoppedByController) as grave:
-            return ended("interrupted", f"stop the arm: {grave}")
+        except (CriticalFinding, StoppedByController) as critical:
+            return ended("interrupted", f"stop the arm: {critical}")
         except (DeadlinePassed, DtwinError) as error:
             return ended("failed", str(error))
 

@@ -39,8 +39,8 @@ def answering_door(healthy: ArmParameters | None) -> Door:
                     if answering.desk.time > began + HEARD:
                         raise CommunicationError(f"nothing settled is found of {' and '.join(names)} any more")
                 answering.put_into_force()
-            except CriticalFinding as grave:
-                found = [grave.finding]
+            except CriticalFinding as critical:
+                found = [critical.finding]
             except (StoppedByController, DeadlinePassed) as over:
                 raise CommunicationError(str(over)) from None
             came = answering.now(found)

@@ -3,19 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
 from dtwin.api.arguments import AnyPath, checked
+from dtwin.arm.chain import Arm, Friction
 from dtwin.arm.model import ArmModel
 from dtwin.campaign.spread import Workforce
-from dtwin.run.arm_cell import ArmCell
+from dtwin.emulation.chain.arms import arm_of
+from dtwin.emulation.chain.machine import NOMINAL, machine_of
+from dtwin.errors import ParameterError
+from dtwin.fmu.sources import Subject, Version
+from dtwin.run.arm_cell import ArmCell, arm_cell_of
 from dtwin.run.chain import ChainRun, run
 from dtwin.simulation.chain import optimise as search
 from dtwin.simulation.chain.simulator import ArmSimulator
 from dtwin.simulation.chain.whatif import ArmChange, ArmOutcome
 
 _LIMITS: Final = search.ArmLimits()
+_SHORT: Final = 10.0
+"""Length of the run whose settings the controller of an FMU gets, s; it has none of its own."""
 _ROUND: Final = 60.0
 """Length of the run that a cell is read for, s; a search goes once through its poses, however long that takes."""
 
@@ -158,6 +166,89 @@ def optimise_arm(
         seed=seed,
         between=between,
     )
+
+
+@checked
+def write_fmu_arm(
+    file: AnyPath,
+    arm: AnyPath | None = None,
+    subject: Subject = "cell",
+    *,
+    fmi: Version = "3.0",
+    cell_file: AnyPath | None = None,
+    machine: str | None = None,
+    poses: AnyPath | None = None,
+    path: AnyPath | None = None,
+    sort: AnyPath | None = None,
+) -> None:
+    """Writes a model of an arm for other simulators, as `dtwin fmu --arm` does: C, which needs no Python.
+
+    Args:
+        file: file to write, *.fmu.
+        arm: a name of arms/, an arm's file (*.toml) or a model (*.urdf, *.xml); None for that of the cell.
+        subject: twin (commands in, positions out), controller (positions in, commands out) or cell (both together).
+        fmi: version of FMI, 3.0 or 2.0, both for co-simulation.
+        cell_file: cell of another arm that is written if no arm is given: a file (*.toml), or a name of cells/.
+        machine: what the arm of twin and cell is: ideal without dry friction, nominal as its file says, or a number
+            to draw it by; None for that of the cell, or nominal.
+        poses: TOML file of the poses that the arm takes.
+        path: CSV file of a path that it follows.
+        sort: TOML file of a sorting task; without any of the three it goes through poses that are drawn.
+
+    Raises:
+        ParameterError: an argument is unknown or of another kind, there is no arm, its gears yield, or the cell has
+            what an FMU cannot have.
+        ModelError: the file of the arm or of the cell cannot be used.
+        NativeError: there is no C compiler.
+        RecordingError: the file cannot be written.
+    """
+    from dtwin.fmu.chain import write_chain_fmu  # what writes C is loaded when it is needed
+
+    cell = _cell(arm, cell_file)
+    if any(each is not None for each in (poses, path, sort)):
+        cell = replace(cell, poses=_file(poses), path=_file(path), sort=_file(sort))
+    if subject == "twin":
+        write_chain_fmu(Path(file), "twin", fmi, _for_fmu(arm_of(cell.arm), machine or cell.machine))
+        return
+    if cell.late or cell.faults:
+        raise ParameterError("late, faults: expected none of them, as an FMU has neither")
+    settings = cell.settings(_SHORT)
+    real = settings.arm if subject == "controller" else _for_fmu(settings.arm, machine or cell.machine)
+    write_chain_fmu(
+        Path(file), subject, fmi, real, known=settings.arm, poses=settings.poses, control=settings.control
+    )
+
+
+def _cell(arm: AnyPath | None, cell_file: AnyPath | None) -> ArmCell:
+    """The cell of an arm, or that of a file.
+
+    Raises:
+        ParameterError: there is neither, or the file is that of the thesis's arm.
+    """
+    if arm is not None:
+        return ArmCell(arm=str(arm), machine=NOMINAL)
+    cell = None if cell_file is None else arm_cell_of(str(cell_file))
+    if cell is None:
+        raise ParameterError("arm: expected an arm, or the cell file of one")
+    return cell
+
+
+def _for_fmu(arm: Arm, machine: str) -> Arm:
+    """What an arm really is, without dry friction where it is ideal.
+
+    Raises:
+        ParameterError: its gears yield.
+    """
+    found = machine_of(machine, arm)
+    if yielding := [joint.name for joint in found.arm.joints if joint.transmission is not None]:
+        raise ParameterError(
+            f"`machine` {machine}: the gears of {' and '.join(yielding)} yield, and an FMU takes motor and joint for "
+            "one: expected `machine` ideal, or one without gear_stiffness"
+        )
+    if found.friction:
+        return found.arm
+    joints = (replace(joint, friction=Friction(joint.friction.viscous)) for joint in found.arm.joints)
+    return replace(found.arm, joints=tuple(joints))
 
 
 def _file(path: AnyPath | None) -> Path | None:

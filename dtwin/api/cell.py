@@ -14,6 +14,7 @@ from dtwin.controller.settings import Compensation
 from dtwin.emulation import MODEL_FILE
 from dtwin.emulation.encoders import NoiseKind
 from dtwin.errors import DtwinError, ParameterError
+from dtwin.fmu.sources import Subject, Version
 from dtwin.parameters import PHYSICS_STEP, Gains, Law, Triple
 from dtwin.run import cell
 from dtwin.run.hidden import HiddenLog
@@ -136,6 +137,26 @@ class Cell:
         settings = replace(self._settings, duration=seconds)
         hidden = None if settings.machine.ideal else HiddenLog()
         return finished(cell.Cell(settings, hidden=hidden), between, realtime)
+
+    @checked
+    def write_fmu(self, path: AnyPath, subject: Subject = "cell", *, fmi: Version = "3.0") -> None:
+        """Writes a model of this cell for other simulators, as `dtwin fmu` does: C, which needs no Python.
+
+        Parameters of arm and controller start with those of the cell; its machine, noise and faults do not count.
+
+        Args:
+            path: file to write, *.fmu.
+            subject: twin (voltages in, angles out), controller (a sample in, voltages out) or cell (both together).
+            fmi: version of FMI, 3.0 or 2.0, both for co-simulation.
+
+        Raises:
+            ParameterError: an argument is unknown or of another kind.
+            NativeError: there is no C compiler, or FMI has no name for this machine.
+            RecordingError: the file cannot be written.
+        """
+        from dtwin.fmu.archive import write_fmu  # what writes C is loaded when it is needed
+
+        write_fmu(Path(path), subject, fmi, self._settings.arm, self._settings.control)
 
 
 def finished(running: cell.Cell, between: Callable[[int], bool] | None = None, realtime: bool = False) -> Run:

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Literal
 
 from dtwin.api.arguments import AnyPath, Texts, checked, texts
 from dtwin.api.run import Run, log_of
-from dtwin.errors import DtwinError, IdentificationError
+from dtwin.errors import DtwinError, IdentificationError, ParameterError
 from dtwin.identification.data import Experiment, from_log
-from dtwin.identification.estimation.estimate import NINETY_FIVE, Estimate, EstimationSettings, Loss
+from dtwin.identification.estimation.estimate import NINETY_FIVE, Estimate, EstimationSettings, Loss, load_kernels
 from dtwin.identification.estimation.estimate import identify as estimated
 from dtwin.identification.estimation.friction import FRICTIONS, Friction, choose, with_friction
 from dtwin.identification.held_out import Comparison, compare
@@ -127,6 +127,7 @@ def identify(
     loss: Loss = "adaptive",
     known: ArmParameters | AnyPath | None = None,
     seed: int = 0,
+    progress: Callable[[str], None] = lambda stage: None,
 ) -> Identified:
     """Identifies the parameters of the arm from a run at work, as `dtwin identify LOG` does.
 
@@ -142,16 +143,38 @@ def identify(
         loss: likelihood: adapted to the noise's shape, least squares (gaussian), or robust to outliers (huber).
         known: parameters that are not estimated, or their JSON file; None for the data sheet.
         seed: number of the random generator of further starting points, at least 0.
+        progress: is told "estimating" when that begins.
 
     Raises:
         ParameterError: an argument is unknown, of another kind or out of range.
         IdentificationError: the run is too short or too poor.
         RecordingError: the file is no log, or what is in it does not belong together.
     """
-    arm = load_arm(Path(known)) if isinstance(known, str | Path) else known
-    settings = settings_for(free, arm, texts(prior), loss, seed)
+    settings = identification_settings(free, known, texts(prior), loss, seed)
     source = data.source if isinstance(data, Run) else str(data)
-    return fitted(measured(log_of(data), payload, source, arm or ArmParameters()), settings, friction)
+    return fitted(measured(log_of(data), payload, source, settings.known), settings, friction, progress)
+
+
+def identification_settings(
+    free: str, known: ArmParameters | AnyPath | None, prior: tuple[str, ...], loss: Loss, seed: int
+) -> EstimationSettings:
+    """What is estimated, as arguments tell it.
+
+    Args:
+        free: what to estimate.
+        known: parameters that are not estimated, or their JSON file; None for the data sheet.
+        prior: knowledge of free parameters, NAME=MEAN+-DEVIATION.
+        loss: likelihood.
+        seed: number of the random generator of further starting points.
+
+    Raises:
+        ParameterError: an argument is out of range.
+        ModelError: the file cannot be used.
+    """
+    if seed < 0:
+        raise ParameterError(f"seed: expected a whole number of at least 0, got {seed}")
+    arm = load_arm(Path(known)) if isinstance(known, str | Path) else known
+    return settings_for(free, arm, prior, loss, seed)
 
 
 def measured(log: Log, payload: float | None, source: str, arm: ArmParameters) -> Measured:
@@ -176,12 +199,25 @@ def measured(log: Log, payload: float | None, source: str, arm: ArmParameters) -
     return Measured(segments[:-kept:stride], segments[-min(kept, _MOST_SEGMENTS) :], _truth(log), source)
 
 
-def fitted(data: Measured, settings: EstimationSettings, friction: FrictionChoice | None = None) -> Identified:
+def fitted(
+    data: Measured,
+    settings: EstimationSettings,
+    friction: FrictionChoice | None,
+    progress: Callable[[str], None],
+) -> Identified:
     """Estimates the parameters and judges them.
+
+    Args:
+        data: what the arm is identified from.
+        settings: what is estimated.
+        friction: friction law to estimate; None for that of the settings.
+        progress: is told "estimating" when that begins, after what it needs is loaded.
 
     Raises:
         IdentificationError: the data are too poor.
     """
+    load_kernels()
+    progress("estimating")
     criteria: dict[Friction, float] | None = None
     if friction == "auto":
         choice = choose(data.training, settings)

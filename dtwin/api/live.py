@@ -6,19 +6,24 @@ import getpass
 import itertools
 import logging
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
+from queue import Empty, SimpleQueue
 from threading import Condition
 from types import TracebackType
+from typing import Final, Self
 
 from dtwin.api.arguments import AnyPath, checked
 from dtwin.bus.messages import (
+    DECIDE,
     FAULT,
     RELEASE,
     ROLL_BACK,
     SENSORS,
     SUMMARY,
     UPLOAD,
+    VOLTAGES,
     Done,
     FaultRequest,
     ReleaseRequest,
@@ -26,18 +31,48 @@ from dtwin.bus.messages import (
     StopState,
     Summary,
 )
+from dtwin.bus.proposals.identifying import identified
 from dtwin.bus.session import Bus
 from dtwin.bus.stopping import Stopped, stop
 from dtwin.bus.topics.topic import Topic
-from dtwin.bus.twin_messages import RollBackRequest, Upload, UploadRequest
+from dtwin.bus.twin_messages import (
+    DataSource,
+    IdentificationDecision,
+    IdentificationRequest,
+    IdentificationState,
+    RollBackRequest,
+    Upload,
+    UploadRequest,
+)
 from dtwin.errors import CommunicationError, ParameterError, UnansweredError
-from dtwin.parameters import ArmParameters, Gains
+from dtwin.parameters import PERIOD, ArmParameters, Gains, Triple
 from dtwin.services.runfile import join
-from dtwin.signals import Sensors
+from dtwin.signals import Sensors, Voltages
 
 log = logging.getLogger(__name__)
 
 _WHY = "by hand"
+SAMPLES: Final = 9
+"""Number of samples that the velocity of a running arm is taken from."""
+_PATIENCE: Final = 5.0
+"""Time in which a command of the controller has to come, s."""
+
+
+@dataclass(frozen=True, slots=True)
+class ArmState:
+    """How a running arm is.
+
+    Attributes:
+        time: plant time of the last sample, s.
+        theta: its angles, rad.
+        omega: its velocities from the last samples, rad/s.
+        holds_box: whether it holds a box, as its controller says.
+    """
+
+    time: float
+    theta: Triple
+    omega: Triple
+    holds_box: bool
 
 
 class LiveCell:
@@ -52,7 +87,7 @@ class LiveCell:
         self.bus = bus
         self.missed = 0
 
-    def __enter__(self) -> LiveCell:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(
@@ -104,6 +139,37 @@ class LiveCell:
                         raise CommunicationError(f"no samples of the arm within {patience:g} s; is the cell working?")
                     sample = waiting.popleft()
                 yield sample
+        finally:
+            subscription.end()
+
+    def arm_state(self) -> ArmState:
+        """Where the arm is now, how fast it is, and whether it holds a box.
+
+        Raises:
+            CommunicationError: samples or commands do not come in time.
+        """
+        import numpy as np  # Who only asks or waits needs no library of numbers.
+
+        last: list[Sensors] = []
+        for sample in self.samples():
+            last = [*last, sample] if last and sample.sequence == last[-1].sequence + 1 else [sample]
+            if len(last) == SAMPLES:
+                break
+        # A parabola through several samples: a difference of two would show the encoders' noise.
+        times = PERIOD * np.arange(1 - len(last), 1)
+        angles = np.array([sample.theta for sample in last])
+        first, second, third = np.polyfit(times, angles, 2)[1].tolist()
+        return ArmState(last[-1].time, last[-1].theta, (first, second, third), self._holds_box())
+
+    def _holds_box(self) -> bool:
+        commands: SimpleQueue[Voltages] = SimpleQueue()
+        subscription = self.bus.subscribe(VOLTAGES, Voltages, commands.put)
+        try:
+            return commands.get(timeout=_PATIENCE).box_gripped
+        except Empty:
+            raise CommunicationError(
+                f"no commands of the controller within {_PATIENCE:g} s; is the cell working?"
+            ) from None
         finally:
             subscription.end()
 
@@ -229,6 +295,57 @@ class LiveCell:
             CommunicationError: the settings are refused, or nobody answers.
         """
         return self._settings(UPLOAD, request)
+
+    @checked
+    def identify(
+        self,
+        *,
+        free: str = IdentificationRequest().free,
+        box_mass: float | None = None,
+        source: DataSource = "signal",
+        since: float = 0.0,
+        anew: str = "",
+        patience: float = 60.0,
+        progress: Callable[[IdentificationState], None] = lambda state: None,
+    ) -> IdentificationState:
+        """Has the arm identified, as `dtwin identify live` does; `decide` keeps the model or not.
+
+        Args:
+            free: what to estimate; without a known load something must set the scale of the forces: by default K1.
+            box_mass: mass that a box in the gripper is taken to have, kg; None for the middle of the cell's boxes.
+            source: signal: the blocks excite the arm; motion: the arm goes on working, and its motions tell what has
+                changed.
+            since: plant time from which on motion counts, s.
+            anew: which of the free parameters are not known any more; "" for all.
+            patience: time in which there must be a model, s.
+            progress: is told every state on the way.
+
+        Returns:
+            The state with the proposed model: parameters with standard errors, fit, doubts.
+
+        Raises:
+            CommunicationError: there is no such service (`dtwin up --identification`), or no model in time.
+            IdentificationError: the data are too poor, or do not come.
+        """
+        request = IdentificationRequest(free, box_mass, source, since, anew)
+        return identified(self.bus, request, patience, progress)
+
+    @checked
+    def decide(
+        self, accept: bool, *, name: str = "arm", upload: bool = False, anyway: bool = False
+    ) -> IdentificationState:
+        """Decides whether the model that `identify` proposes is kept.
+
+        Args:
+            accept: whether it is kept.
+            name: name to keep it under.
+            upload: whether it is uploaded to the controller, too; needs `dtwin up --simulation`.
+            anyway: whether a model that is in doubt is kept all the same.
+
+        Raises:
+            CommunicationError: no model waits for a decision, it is in doubt, or nobody answers.
+        """
+        return self.bus.ask(DECIDE, IdentificationDecision(accept, name, upload, anyway), IdentificationState)
 
     @checked
     def roll_back(self, why: str = _WHY, *, who: str | None = None) -> Upload:

@@ -11,8 +11,9 @@ from dtwin.api.arguments import AnyPath, checked
 from dtwin.api.identification import Identified
 from dtwin.api.run import Run, log_of
 from dtwin.bus.twin_messages import MonitoringVerdict
+from dtwin.controller.settings import ControlSettings
 from dtwin.emulation import MODEL_FILE
-from dtwin.errors import ParameterError
+from dtwin.errors import ParameterError, RecordingError
 from dtwin.identification.estimation.quality import noise
 from dtwin.identification.machine.record import read_record
 from dtwin.identification.model import IdentifiedModel
@@ -22,14 +23,15 @@ from dtwin.logs.log import Log
 from dtwin.monitoring.estimation.belief import Belief, assumed, believed_arm, commissioned, identified
 from dtwin.monitoring.estimation.tuning import tuning_for
 from dtwin.monitoring.monitor import Monitor
-from dtwin.monitoring.offline import Stream, Trace, stream, watch
+from dtwin.monitoring.offline import SECOND, Stream, Trace, stream, watch
 from dtwin.monitoring.settings import ALARMS_PER_HOUR, MonitorSettings
+from dtwin.monitoring.thesis import ThesisMonitor, ThesisSettings
 from dtwin.monitoring.trend import Forecast
 from dtwin.monitoring.verdict import Finding
 from dtwin.parameters import ArmParameters
 from dtwin.run.prediction import BelievedArm
 from dtwin.run.settings import arm_of
-from dtwin.signals import Event
+from dtwin.signals import Event, of_monitor
 from dtwin.task import task_of
 
 if TYPE_CHECKING:
@@ -116,7 +118,7 @@ def monitor(
         RecordingError: the file is no log, or what is in it does not belong together.
     """
     if commissioned is not None and model is not None:
-        raise ParameterError("commissioned: expected no model beside it")
+        raise ParameterError("commissioned: expected no `model` beside it")
     log = log_of(data)
     check_belonging(data.source if isinstance(data, Run) else str(data), log, ArmParameters())
     seen = stream(log)
@@ -134,6 +136,69 @@ def monitor(
         trace,
         believed_arm(belief),
     )
+
+
+@dataclass(frozen=True, slots=True)
+class Compared:
+    """What the thesis's comparison with a simulated arm made of a run.
+
+    Attributes:
+        verdict: the opinion at its end.
+        findings: what is wrong at the end.
+        history: the same, as this method takes nothing back.
+        forecasts: none, as this method makes none.
+        events: what was noticed, in order.
+    """
+
+    verdict: MonitoringVerdict
+    findings: tuple[Finding, ...]
+    history: tuple[Finding, ...]
+    forecasts: tuple[Forecast, ...]
+    events: tuple[Event, ...]
+
+
+@checked
+def compare_with_simulation(
+    data: Run | AnyPath,
+    *,
+    model: Identified | str | Path | None = None,
+    store: AnyPath = STORE,
+    sample_time: float = 0.5,
+    step: float = 0.005,
+    target_time: float = 2.0,
+    progress: Callable[[int, int], None] = lambda done, of: None,
+) -> Compared:
+    """Looks for faults of the arm in a run by the thesis's method, as `dtwin monitor LOG --method thesis` does.
+
+    Args:
+        data: a run, or the Parquet file of one.
+        model: identified model of the healthy arm; None for the data sheet's arm.
+        store: folder of identified models.
+        sample_time: time between two comparisons, s.
+        step: step of the simulation, s.
+        target_time: duration of every motion, s.
+        progress: told the rows done and their number once a second of plant time.
+
+    Raises:
+        ParameterError: an argument is unknown, of another kind or out of range, or the run is empty.
+        ModelError: there is no such model.
+        RecordingError: the file is no log, what is in it does not belong together, or it tells no box.
+    """
+    log = log_of(data)
+    source = data.source if isinstance(data, Run) else str(data)
+    check_belonging(source, log, ArmParameters())
+    seen = stream(log)
+    if not log.columns["box_colour"].any():
+        raise RecordingError(f"{source}: column box_colour: the thesis's method needs it, and it tells no box")
+    arm = ArmParameters() if model is None else model_of(model, store).arm
+    task = task_of(log.metadata)
+    control = ControlSettings(target_time=target_time, payload=task.boxes.middle)
+    thesis = ThesisMonitor(arm, ThesisSettings(sample_time, step, control), task)
+    for first in range(0, len(seen), SECOND):
+        seen.feed(thesis, first, min(first + SECOND, len(seen)))
+        progress(first, len(seen))
+    found = tuple(thesis.standing())
+    return Compared(thesis.verdict(), found, found, (), of_monitor(thesis.events))
 
 
 def model_of(reference: Identified | str | Path, store: AnyPath) -> IdentifiedModel:

@@ -1,37 +1,34 @@
-"""What if the arm were controlled otherwise: one motion, and the search for settings."""
+"""What if the arm were controlled otherwise: one motion on the twin."""
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
-import numpy as np
-
 from dtwin.api.arguments import AnyPath, Texts, checked, texts
 from dtwin.api.identification import Identified
+from dtwin.api.live import LiveCell
 from dtwin.api.monitoring import model_of
-from dtwin.campaign.spread import Workforce
+from dtwin.api.run import Run, log_of
 from dtwin.controller.settings import APPLICATION_LAW, Compensation, ControlSettings, usual_gains
 from dtwin.emulation.encoders import NoiseKind
 from dtwin.errors import ParameterError
 from dtwin.identification.machine.record import read_record
-from dtwin.identification.model import IdentifiedModel
 from dtwin.identification.store import STORE
+from dtwin.logs.belonging import check_belonging
 from dtwin.parameters import ArmParameters, Gains, Law, Triple, assignment
 from dtwin.run.cell_file import cell_of
-from dtwin.simulation import optimise as search
-from dtwin.simulation.checks import Motion, motions_of
-from dtwin.simulation.objective import Limits, Objective, possible_arms, scenarios_for
-from dtwin.simulation.places import angles_of, parse_goal, parse_start
+from dtwin.simulation.candidates import vary as varied
+from dtwin.simulation.measured import MotionComparison, compare, find, settings_of
+from dtwin.simulation.places import parse_goal, parse_start
 from dtwin.simulation.proposal import controllable
 from dtwin.simulation.whatif import MotionCase, Outcome, Simulator
-from dtwin.task import DEFAULT_TASK, PICKUP_NAME, Task
-from dtwin.twin.effects import NO_EFFECTS
+from dtwin.task import DEFAULT_TASK, PICKUP_NAME, Task, task_of
+from dtwin.twin.effects import NO_EFFECTS, Effects
 
-_LIMITS: Final = Limits()
 _COMPENSATION: Final = Compensation()
 
 Model = Identified | ArmParameters | str | Path
@@ -62,6 +59,7 @@ def simulate(
     controller_model: Model | None = None,
     store: AnyPath = STORE,
     cell_file: AnyPath | None = None,
+    live: LiveCell | None = None,
 ) -> Outcome:
     """Simulates one motion on the analytic twin with the real function blocks, as `dtwin simulate` does.
 
@@ -91,20 +89,19 @@ def simulate(
         controller_model: identified model that the controller uses; None for that of `model` or of the record.
         store: folder of the kept models.
         cell_file: cell whose places there are: a file (*.toml), or a name of the folder cells; None for the usual.
+        live: what `connect` returned of a cell of `dtwin up --simulation`: the motion starts from the state of its
+            arm, with its gains, target time, law and model, and with what it holds if there is no `payload`.
 
     Raises:
+        CommunicationError: the live cell does not answer.
         ParameterError: an argument is unknown, of another kind or out of range, or there is no such place.
         UnreachableError: the coordinates are out of the arm's reach.
         ModelError: there is no such model.
         DivergenceError: the motion has left the finite numbers.
     """
     task = DEFAULT_TASK if cell_file is None else cell_of(str(cell_file)).task
-    if commissioned is not None and model is not None:
-        raise ParameterError("commissioned: expected no model beside it")
-    record = None if commissioned is None else read_record(Path(commissioned))
-    arm = record.arm if record else _arm(model, store, ArmParameters())
-    believed = _arm(controller_model, store, controllable(record) if record else arm)
-    pairs = set if isinstance(set, Mapping) else dict(map(assignment, texts(set)))
+    simulated = simulated_arm(model, commissioned, store)
+    believed = arm_of_model(controller_model, store, simulated.believed)
     control = ControlSettings(
         target_time,
         gains or usual_gains(law),
@@ -113,95 +110,70 @@ def simulate(
         task.boxes.middle if box is None else box,
         compensation=Compensation(delay, dead_zone, bandwidth),
     )
-    case = motion_case(start, goal, control, arm, payload, task)
-    simulated = arm.with_values(pairs)
-    return _simulator(task).run(
-        replace(
-            case,
-            arm=simulated,
-            effects=record.effects if record else NO_EFFECTS,
-            noise=noise,
-            noise_kind=noise_kind,
-            seed=seed,
-            duration=duration,
-        )
-    )
+    case = motion_case(start, goal, control, simulated.arm, payload, task)
+    disturbed = replace(case, noise=noise, noise_kind=noise_kind, seed=seed, duration=duration)
+    case = simulated.put_into(disturbed, set)
+    if live is not None:
+        own = model is not None or commissioned is not None or bool(set)
+        case = _from_live(live, case, goal, task, payload, own)
+    return simulator_of(task).run(case)
 
 
 @checked
-def optimise(
-    *,
-    cost: Mapping[str, float] | None = None,
-    motion: Texts = (),
-    target_time: tuple[float, float] = (0.5, 4.0),
-    in_use: float = 2.0,
-    law: Law = APPLICATION_LAW,
-    gains: Gains | None = None,
-    model: Identified | str | Path | None = None,
-    store: AnyPath = STORE,
-    arms: int = 2,
-    box: tuple[float, float] | None = None,
-    noise: float = 0.001,
-    saturated: float = _LIMITS.saturated,
-    overshoot: float = _LIMITS.overshoot,
-    tracking: float = _LIMITS.tracking,
-    voltage: float = _LIMITS.voltage,
-    candidates: int = 1000,
-    workers: int | None = 1,
-    scheduler: str | None = None,
-    seed: int = 0,
-    cell_file: AnyPath | None = None,
-    between: Callable[[int, float], None] = lambda done, best: None,
-) -> search.Optimum:
-    """Searches gains and target time of least cost on the twin, under limits, as `dtwin optimise` does.
+def vary(outcome: Outcome, changes: str, *, cell_file: AnyPath | None = None) -> Outcome:
+    """Simulates a motion again with something changed, as `dtwin simulate --candidate` does.
 
     Args:
-        cost: weights of the terms of the cost: time, tracking, energy and voltage; None for `{"time": 1.0}`.
-        motion: motions FROM:TO that count, such as `"pickup:red"`; none for all that the cell makes.
-        target_time: shortest and longest target time of the search, s; equal ones keep the target time.
-        in_use: target time in use, s.
-        law: control law: cascade, computed_torque or row_sum.
-        gains: gains in use; None for the usual ones of the law.
-        model: identified model, whose covariance says what arms are possible; None for the data sheet's arm alone.
-        store: folder of the kept models.
-        arms: number of possible arms, drawn from the covariance, that must keep the limits too.
-        box: least and largest mass of a carried box, kg; None for those of the cell.
-        noise: standard deviation of the encoder noise, rad.
-        saturated: largest share of the samples of a motion that may have a voltage at its limit.
-        overshoot: largest distance that a joint may go beyond its target, rad.
-        tracking: largest distance of a joint from its path, rad.
-        voltage: largest voltage of a motor, V.
-        candidates: number of settings to judge.
-        workers: number of processes that share the work; None for one for each core, which a script must guard by
-            `if __name__ == "__main__"`.
-        scheduler: address of a Dask scheduler whose workers share the work instead, such as `"tcp://127.0.0.1:8786"`.
-        seed: number of the random generator of the search; equal numbers give equal settings.
-        cell_file: cell whose motions count, a file or a name of the folder cells; None for the usual one.
-        between: called after every generation with the number of candidates judged and the least cost.
+        outcome: what `simulate` returned.
+        changes: changes such as `"T=1.5 kp=300,600,400 D2=0.1 law=row_sum"`; "" for none.
+        cell_file: cell of the motion, as for `simulate`.
 
     Raises:
-        ParameterError: an argument is unknown, of another kind or out of range.
+        ParameterError: a name is unknown, or a value is of the wrong kind or out of range.
+        DivergenceError: the motion has left the finite numbers.
+    """
+    task = DEFAULT_TASK if cell_file is None else cell_of(str(cell_file)).task
+    return simulator_of(task).run(varied(outcome.case, changes))
+
+
+@checked
+def simulate_log(
+    log: AnyPath | Run,
+    at: float = 0.0,
+    *,
+    payload: float | None = None,
+    set: Texts | Mapping[str, float] = (),
+    model: Model | None = None,
+    commissioned: AnyPath | None = None,
+    store: AnyPath = STORE,
+) -> MotionComparison:
+    """Predicts a motion of a log from its first sample on, with the log's settings, as `dtwin simulate --log` does.
+
+    Args:
+        log: a run, or the Parquet file of one.
+        at: plant time from which the first motion of the log is taken, s.
+        payload: mass at the tip while a box is carried, kg; None for what the controller counts on.
+        set: parameters of the simulated arm in SI units, `{"D2": 0.1}` or `"D2=0.1"`.
+        model: identified model that is simulated; None for that of the controller.
+        commissioned: record of `dtwin commission` instead of a model: its arm is simulated, with all that it has.
+        store: folder of the kept models.
+
+    Returns:
+        The motion, its figures, what was predicted, and how well that fits (1 is perfect), by joint.
+
+    Raises:
+        ParameterError: an argument is unknown, of another kind or out of range, or there is no such motion.
+        RecordingError: the file is no log, or what is in it does not belong together.
         ModelError: there is no such model.
     """
-    found = None if model is None else model_of(model, store)
-    objective = objective_of(
-        ControlSettings(in_use, gains or usual_gains(law), law),
-        cost or {"time": 1.0},
-        texts(motion),
-        DEFAULT_TASK if cell_file is None else cell_of(str(cell_file)).task,
-        box,
-        noise,
-        Limits(saturated, overshoot, tracking, voltage),
-        judging_arms(found, arms, seed),
-    )
-    return search.optimise(
-        objective,
-        target_time,
-        candidates=candidates,
-        workforce=Workforce(workers if scheduler is None else None, scheduler),
-        seed=seed,
-        between=between,
-    )
+    rows = log_of(log)
+    check_belonging(log.source if isinstance(log, Run) else str(log), rows, ArmParameters())
+    settings = settings_of(rows)
+    simulated = simulated_arm(model, commissioned, store, settings.model)
+    arm = simulated.arm.with_values(_pairs(set))
+    mass = settings.payload if payload is None else payload
+    simulator = simulator_of(task_of(rows.metadata))
+    return compare(rows, find(rows, at), settings, arm, mass, simulator, simulated.effects)
 
 
 def motion_case(
@@ -232,73 +204,100 @@ def motion_case(
     return MotionCase(parse_goal(goal, arm, theta, task), control, theta, arm=arm, payload=payload)
 
 
-def objective_of(
-    base: ControlSettings,
-    cost: Mapping[str, float],
-    motions: tuple[str, ...],
-    task: Task,
-    box: tuple[float, float] | None,
-    noise: float,
-    limits: Limits,
-    arms: tuple[ArmParameters, ...],
-) -> Objective:
-    """What a search minimises.
+def _from_live(
+    live: LiveCell, case: MotionCase, goal: str, task: Task, payload: float | None, own: bool
+) -> MotionCase:
+    """A case from where the arm of a running cell is and how fast it is.
 
     Args:
-        base: settings in use, whose model and mass of a box follow from the other arguments.
-        cost: weights of the terms by name.
-        motions: motions FROM:TO that count; none for all of the task.
+        live: the cell.
+        case: the case from a place.
+        goal: where it goes to.
         task: task of the cell.
-        box: least and largest mass of a box, kg; None for those of the task.
-        noise: standard deviation of the encoder noise, rad.
-        limits: limits to keep.
-        arms: the arm that is expected, and others that must keep the limits.
-
-    Raises:
-        ParameterError: a motion, weight or mass is wrong.
+        payload: mass at the tip, kg; None for what the arm holds.
+        own: whether the case has an arm of its own; else it is that of the controller's model.
     """
-    low, high = (task.boxes.lightest, task.boxes.heaviest) if box is None else box
-    arm, *others = arms
-    chosen = tuple(_motion(text, task) for text in motions) or motions_of(task)
-    return Objective(
-        base=replace(base, model=arm, payload=(low + high) / 2),
-        scenarios=scenarios_for(chosen, arm, (low, high), others, noise),
-        weights=dict(cost),
-        limits=limits,
-        task=task,
+    state, now = live.arm_state(), live.settings()
+    settings = replace(case.settings, gains=now.gains, target_time=now.target_time, law=now.law, model=now.model)
+    arm = case.arm if own else now.model
+    mass = payload if payload is not None else settings.payload if state.holds_box else 0.0
+    return replace(
+        case,
+        goal=parse_goal(goal, arm, state.theta, task),
+        settings=settings,
+        theta=state.theta,
+        omega=state.omega,
+        arm=arm,
+        payload=mass,
     )
 
 
-def judging_arms(model: IdentifiedModel | None, count: int, seed: int) -> tuple[ArmParameters, ...]:
-    """The arm that a search expects, first, and so many other ones that are as possible.
+@dataclass(frozen=True, slots=True)
+class SimulatedArm:
+    """The arm that the twin is.
+
+    Attributes:
+        arm: its parameters.
+        effects: what it has beside them.
+        believed: the arm that a controller believes in if nothing else is said.
+    """
+
+    arm: ArmParameters
+    effects: Effects
+    believed: ArmParameters
+
+    def put_into(self, case: MotionCase, assignments: Texts | Mapping[str, float]) -> MotionCase:
+        """A motion of this arm with parameters assigned, by name or as NAME=NUMBER.
+
+        Raises:
+            ParameterError: a name or number is wrong.
+        """
+        return replace(case, arm=self.arm.with_values(_pairs(assignments)), effects=self.effects)
+
+
+def simulated_arm(
+    model: Model | None,
+    commissioned: AnyPath | None,
+    store: AnyPath,
+    otherwise: ArmParameters | None = None,
+) -> SimulatedArm:
+    """The arm that is simulated.
 
     Args:
-        model: identified model, whose covariance says what is possible; None for the data sheet's arm alone.
-        count: number of the other ones.
-        seed: number of their random generator.
+        model: identified model.
+        commissioned: record of `dtwin commission` instead of a model.
+        store: folder of the kept models.
+        otherwise: the arm if neither is given; None for the data sheet's.
+
+    Raises:
+        ParameterError: model and record are given.
+        ModelError: there is no such model or record.
     """
-    if model is None:
-        return (ArmParameters(),)
-    matrix = np.array(model.covariance.matrix)
-    others = possible_arms(model.arm, model.covariance.names, matrix, count, np.random.default_rng(seed))
-    return (model.arm, *others)
+    if commissioned is None:
+        arm = arm_of_model(model, store, ArmParameters() if otherwise is None else otherwise)
+        return SimulatedArm(arm, NO_EFFECTS, arm)
+    if model is not None:
+        raise ParameterError("commissioned: expected no `model` beside it")
+    record = read_record(Path(commissioned))
+    return SimulatedArm(record.arm, record.effects, controllable(record))
 
 
 @functools.cache
-def _simulator(task: Task) -> Simulator:
+def simulator_of(task: Task) -> Simulator:
     """The simulator of this process, made once: making the blocks takes longer than using them."""
     return Simulator(task=task)
 
 
-def _arm(model: Model | None, store: AnyPath, otherwise: ArmParameters) -> ArmParameters:
+def arm_of_model(model: Model | None, store: AnyPath, otherwise: ArmParameters) -> ArmParameters:
+    """The arm of a model, however it is named; another one if there is none.
+
+    Raises:
+        ModelError: there is no such model, or its file is damaged.
+    """
     if model is None:
         return otherwise
     return model if isinstance(model, ArmParameters) else model_of(model, store).arm
 
 
-def _motion(text: str, task: Task) -> Motion:
-    start, colon, goal = text.partition(":")
-    if not colon:
-        raise ParameterError(f"--motion {text}: expected FROM:TO, e.g. pickup:red")
-    angles_of(start, task), angles_of(goal, task)
-    return Motion(start, goal, start == PICKUP_NAME and goal in task.colours)
+def _pairs(given: Texts | Mapping[str, float]) -> dict[str, float]:
+    return dict(given) if isinstance(given, Mapping) else dict(map(assignment, texts(given)))

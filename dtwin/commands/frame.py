@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import Any
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from dtwin.campaign import spread
 from dtwin.campaign.spread import Workforce
-from dtwin.errors import ParameterError
+from dtwin.errors import ParameterError, RecordingError
 
 
 @dataclass(frozen=True)
@@ -45,6 +47,25 @@ def progress_bar(title: str) -> Iterator[spread.Progress]:
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("", total=None)
         yield lambda done, of: bar.update(task, completed=done, total=of)
+
+
+@contextmanager
+def arguments_as_options(command: Any) -> Iterator[None]:
+    """Lets what the API says of its arguments be said of the options of a command.
+
+    A name at the beginning before a colon, at the end in parentheses, and between backticks gets the form --name.
+    """
+    names = {field.name for field in fields(command)}
+
+    def option(found: re.Match[str]) -> str:
+        name = next(each for each in found.groups() if each)
+        return f"--{name.replace('_', '-')}" if name in names else found[0]
+
+    try:
+        yield
+    except (ParameterError, RecordingError) as error:
+        text = re.sub(r"`([a-z_]+)`|^([a-z_]+)(?=: )|(?<=\()([a-z_]+)(?=\)$)", option, str(error))
+        raise type(error)(text) from None
 
 
 def at_least(option: str, value: float, least: float) -> None:

@@ -31,4 +31,9 @@ def warn_of_places(task: Task, arm: ArmParameters) -> None:
         arm: arm that works there.
     """
     for text in out_of_place(task, arm):
-        print(printable(f"dtwin: warning: {text}"), file=sys.stderr)
+        warn(text)
+
+
+def warn(text: str) -> None:
+    """Prints a warning in one line on standard error."""
+    print(printable(f"dtwin: warning: {text}"), file=sys.stderr)

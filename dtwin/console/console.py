@@ -96,7 +96,7 @@ class Console:
         self.attempts = Attempts()
         self.desk = hub.desk
         self.ring = Ring(hub.task.colours, hub.joints)
-        hub.keep = self.ring.add
+        hub.motion.keep = self.ring.add
         self._bus = bus
         self._audit = audit
 

@@ -22,6 +22,7 @@ GRIP_TOLERANCE: Final = 0.05
 NEVER: Final = 10**14
 """Hundredths of a second after all runs."""
 Point = tuple[float, float]
+NO_DELIVERIES: Final = "bring: expected a cell with deliveries: its boxes come by themselves"
 
 
 class Box(msgspec.Struct, frozen=True, gc=False):
@@ -196,6 +197,16 @@ class Boxes:
         self._tally = Tally()
         self.waiting: Box | None = None
         self.held: Box | None = None
+
+    def bring(self, tick: int, box: Box | None) -> None:
+        """Has a box wait from a tick on, or none (None).
+
+        Raises:
+            ParameterError: boxes come by themselves.
+        """
+        if not isinstance(self._arrivals, Deliveries):
+            raise ParameterError(NO_DELIVERIES)
+        self._arrivals.put(tick, box)
 
     @property
     def next_arrival(self) -> float:

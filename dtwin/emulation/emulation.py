@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.emulation import MODEL_FILE
-from dtwin.emulation.boxes import Box, Boxes, Deliveries
+from dtwin.emulation.boxes import NO_DELIVERIES, Box, Boxes, Deliveries
 from dtwin.emulation.contact.bodies import Bodies
 from dtwin.emulation.contact.boxes import ContactBoxes
 from dtwin.emulation.encoders import Encoders, NoiseKind
-from dtwin.emulation.faults import PADS, Condition, Fault, parse_fault, schedule
+from dtwin.emulation.faults import NEVER, PADS, Condition, Fault, FaultSchedule, due_step, parse_fault
 from dtwin.emulation.generators import check_seed
 from dtwin.emulation.hidden import Hidden
 from dtwin.emulation.machine.encoding import encoding_of
@@ -29,11 +28,8 @@ from dtwin.parameters import HANGING, PERIOD, PHYSICS_STEP, ArmParameters, Gripp
 from dtwin.signals import NO_COLOUR, BoxCounts, Event, EventKind, Quad, Sensors, Truth, Voltages
 from dtwin.task import DEFAULT_TASK, Task
 
-_NEVER = 2**62
 _EXACT = np.full((1000, 4), -0.0)
 """No errors of encoders, rad: what is added to an angle without changing it, not even the sign of 0."""
-_ROUNDING = 1e-6
-"""Tolerance of due times, in steps: a change due at 45 s happens at 45 s however the sum of steps is rounded."""
 
 
 class Emulation:
@@ -84,13 +80,10 @@ class Emulation:
         gripper = gripper or GripperParameters()
         box_seed, noise_seed, machine_seed = np.random.SeedSequence(seed).spawn(3)
         self._condition = Condition(made)
-        self._healthy = made
         self._contact = contact = machine.contact
-        self._lightest = task.boxes.lightest
         if task != DEFAULT_TASK:
             check_task(task, model_file, contact.enabled)
-        self._faults = self._possible(faults)
-        self._transitions = schedule(made, self._faults, self._lightest)[::-1]
+        self._schedule = FaultSchedule(made, task.boxes.lightest, self._possible(faults), step)
         bodies = Bodies(contact) if contact.enabled else None
         self._plant = plant_of(machine, parameters, gripper, model_file, step, bodies)
         stream = np.random.default_rng(box_seed)
@@ -104,12 +97,11 @@ class Emulation:
         encoding = encoding_of(machine, np.random.default_rng(machine_seed))
         self._encoders = Encoders(noise_kind, noise, np.random.default_rng(noise_seed), encoding)
         self._plant.reset(theta)
-        self._deliveries = deliveries
         self._events: list[Event] = []
         self._gripped = False
         self._commanded: Quad = (0.0, 0.0, 0.0, 0.0)
         self._sequence = 0
-        self._due = _NEVER
+        self._due = NEVER
         self._change_due()
         self._sample()
 
@@ -209,9 +201,9 @@ class Emulation:
         Raises:
             ParameterError: boxes come by themselves.
         """
-        if self._deliveries is None:
-            raise ParameterError("bring: expected a cell with deliveries: its boxes come by themselves")
-        self._deliveries.put(round(100 * self._plant.time) + 1, box)
+        if isinstance(self._boxes, ContactBoxes):
+            raise ParameterError(NO_DELIVERIES)
+        self._boxes.bring(round(100 * self._plant.time) + 1, box)
         self._due = min(self._due, self._steps_to(self._boxes.next_arrival))
 
     def disturb(self, torques: Triple) -> None:
@@ -245,21 +237,16 @@ class Emulation:
             FaultError: a fault has ended already, or the faults together make a parameter or the payload impossible.
         """
         plant = self._plant
-        earliest = round(plant.time + plant.step, 9)
-        late = tuple(replace(fault, start=max(fault.start, earliest)) for fault in self._possible(faults))
-        standing = tuple(fault for fault in self._faults if not fault.over(plant.time))
-        transitions = schedule(self._healthy, (*standing, *late), self._lightest)
-        self._faults = (*standing, *late)
-        self._transitions = [t for t in transitions if self._steps_to(t.time) > plant.steps][::-1]
-        self._due = min([self._due, *(self._steps_to(t.time) for t in self._transitions[-1:])])
-        return late
+        added = self._schedule.add(self._possible(faults), plant.time, plant.steps)
+        self._due = min(self._due, self._schedule.next_step)
+        return added
 
     def state(self) -> EmulationState:
         """All that the further course depends on, but for the events that nobody has asked for yet."""
         return EmulationState(
             self._sensors,
             self._gripped,
-            tuple(map(str, self._faults)),
+            tuple(map(str, self._schedule.faults)),
             self._plant.state(),
             self._encoders.state(),
             self._boxes.state(),
@@ -273,11 +260,7 @@ class Emulation:
         Raises:
             DtwinError: the state is that of a cell with other settings.
         """
-        steps = state.plant.steps
-        self._faults = tuple(map(parse_fault, state.faults))
-        transitions = schedule(self._healthy, self._faults, self._lightest)
-        passed = [transition for transition in transitions if self._steps_to(transition.time) <= steps]
-        self._transitions = transitions[len(passed) :][::-1]
+        condition = self._schedule.restore(tuple(map(parse_fault, state.faults)), state.plant.steps)
         if (state.bodies is not None) != self._contact.enabled:
             raise ParameterError(
                 "state of the cell: expected one of a cell that is like this one with or without contact"
@@ -286,7 +269,7 @@ class Emulation:
             self._boxes.restore(state.boxes, state.bodies)
         elif isinstance(self._boxes, Boxes):
             self._boxes.restore(state.boxes)
-        self._enter(passed[-1].condition if passed else Condition(self._healthy))
+        self._enter(condition)
         self._load()
         self._encoders.restore(state.encoders)
         # Last, because a lock stops its joint, which moves by a rounding error once it is locked.
@@ -312,11 +295,10 @@ class Emulation:
     def _change_due(self) -> None:
         """Carries out all changes whose time has come and finds when the next one is due."""
         steps = self._plant.steps
-        while self._transitions and self._steps_to(self._transitions[-1].time) <= steps:
-            transition = self._transitions.pop()
-            self._events += (Event(self._plant.time, EventKind.FAULT, text) for text in transition.texts)
-            self._enter(transition.condition)
-            if transition.slips:
+        while (change := self._schedule.take_due(steps)) is not None:
+            self._events += (Event(self._plant.time, EventKind.FAULT, text) for text in change.texts)
+            self._enter(change.condition)
+            if change.slips:
                 self._record(self._boxes.slip(self._plant.time))
             self._load()
         while self._steps_to(self._boxes.next_arrival) <= steps:
@@ -325,8 +307,7 @@ class Emulation:
 
     def _find_due(self) -> None:
         """Finds the step at which the next change is due."""
-        next_fault = self._steps_to(self._transitions[-1].time) if self._transitions else _NEVER
-        self._due = min(next_fault, self._steps_to(self._boxes.next_arrival))
+        self._due = min(self._schedule.next_step, self._steps_to(self._boxes.next_arrival))
 
     def _possible(self, faults: Iterable[Fault]) -> tuple[Fault, ...]:
         """The faults, all of which this cell can have."""
@@ -369,4 +350,4 @@ class Emulation:
             self._events.append(event)
 
     def _steps_to(self, time: float) -> int:
-        return math.ceil(time / self._plant.step - _ROUNDING)
+        return due_step(time, self._plant.step)

@@ -21,7 +21,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from dtwin.emulation.encoders import HEALTHY, EncoderFaults
@@ -58,6 +58,10 @@ _PATTERN: Final = re.compile(
     rf"\s*(?P<target>[A-Za-z]+\d*)\s*(?:(?P<operation>\*=|\+=|=)\s*(?P<value>[+-]?(?:{_NUMBER})))?"
     rf"\s*@\s*(?P<start>{_NUMBER})\s*(?:-\s*(?P<end>{_NUMBER}))?\s*"
 )
+NEVER: Final = 2**62
+"""Integration step at which nothing happens any more."""
+_ROUNDING: Final = 1e-6
+"""Tolerance of due times, in steps."""
 MOST_FAULTS: Final = 64
 """Number of faults that a cell may have at a time or still before it."""
 GREATEST: Final = 1e6
@@ -215,6 +219,81 @@ def schedule(
         texts = (*(f"{fault} ended" for fault in ended), *(f"{fault} began" for fault in began))
         transitions.append(ConditionChange(time, condition, texts, any(fault.target == _SLIP for fault in began)))
     return transitions
+
+
+def due_step(time: float, step: float) -> int:
+    """The integration step at which a change is due: one at 45 s happens at 45 s however the sum of steps is rounded.
+
+    Args:
+        time: when it is due, s.
+        step: integration step, s.
+    """
+    return math.ceil(time / step - _ROUNDING)
+
+
+class FaultSchedule:
+    """The faults of a running cell, and when they change the condition of its arm.
+
+    Args:
+        healthy: parameters of the healthy arm.
+        lightest: mass of the lightest box, kg.
+        faults: the faults.
+        step: integration step, s.
+
+    Attributes:
+        faults: those that are not over yet, and those that were at the beginning.
+
+    Raises:
+        FaultError: there are too many, or they make a parameter or the payload impossible at some time.
+    """
+
+    def __init__(self, healthy: ArmParameters, lightest: float, faults: tuple[Fault, ...], step: float) -> None:
+        self._healthy, self._lightest, self._step = healthy, lightest, step
+        self.faults = faults
+        self._changes = schedule(healthy, faults, lightest)[::-1]
+
+    @property
+    def next_step(self) -> int:
+        """The integration step at which the next change is due; NEVER without one."""
+        return due_step(self._changes[-1].time, self._step) if self._changes else NEVER
+
+    def take_due(self, steps: int) -> ConditionChange | None:
+        """The next change, if it is due after so many integration steps; it is not due again."""
+        return self._changes.pop() if self._changes and self.next_step <= steps else None
+
+    def add(self, faults: tuple[Fault, ...], time: float, steps: int) -> tuple[Fault, ...]:
+        """Adds faults; those that would begin in the past begin in the next integration step.
+
+        Args:
+            faults: the faults.
+            time: plant time, s.
+            steps: number of integration steps so far.
+
+        Returns:
+            The faults with the times at which they begin and end.
+
+        Raises:
+            FaultError: a fault has ended already, or the faults together make a parameter or the payload impossible.
+        """
+        earliest = round(time + self._step, 9)
+        added = tuple(replace(fault, start=max(fault.start, earliest)) for fault in faults)
+        standing = tuple(fault for fault in self.faults if not fault.over(time))
+        changes = schedule(self._healthy, (*standing, *added), self._lightest)
+        self.faults = (*standing, *added)
+        self._changes = [change for change in changes if due_step(change.time, self._step) > steps][::-1]
+        return added
+
+    def restore(self, faults: tuple[Fault, ...], steps: int) -> Condition:
+        """Goes on where a cell with these faults was after so many integration steps; the condition of its arm then.
+
+        Raises:
+            FaultError: the faults make a parameter or the payload impossible.
+        """
+        self.faults = faults
+        changes = schedule(self._healthy, faults, self._lightest)
+        passed = [change for change in changes if due_step(change.time, self._step) <= steps]
+        self._changes = changes[len(passed) :][::-1]
+        return passed[-1].condition if passed else Condition(self._healthy)
 
 
 def _compose(parameters: ArmParameters, active: Sequence[Fault], lightest: float) -> Condition:

@@ -100,7 +100,7 @@ def order(fault: FaultId) -> str:
     return f"{todo.format(joint=fault.joint or 'of the arm')}, then `dtwin release`"
 
 
-def gravest(faults: Iterable[FaultId]) -> FaultId | None:
+def first_critical(faults: Iterable[FaultId]) -> FaultId | None:
     """The first of several faults that stops the arm, None if all can be answered while it works."""
     return next((fault for fault in faults if answer_to(fault).measure == "stop"), None)
 

@@ -21,7 +21,7 @@ from dtwin.bus.twin_messages import (
 from dtwin.errors import CommunicationError
 from dtwin.monitoring.kinds import parse_fault_id
 from dtwin.parameters import ArmParameters, Gains, Triple
-from dtwin.recovery.answers import gravest
+from dtwin.recovery.answers import first_critical
 from dtwin.signals import RELEASED, ArmState, Event, EventKind
 
 PAYLOAD: Final = "payload"
@@ -259,9 +259,9 @@ class Desk:
             self.examined = frozenset(fault.joint for fault in open_ones)
             if (payload := self.findings.get(PAYLOAD)) is not None:
                 self.boxes[payload.since] = payload.size
-            grave = gravest(map(parse_fault_id, self.findings))
-            if grave is not None and not self.stopped:
-                raise CriticalFinding(self.findings[str(grave)])
+            critical = first_critical(map(parse_fault_id, self.findings))
+            if critical is not None and not self.stopped:
+                raise CriticalFinding(self.findings[str(critical)])
             if self.tripped is not None and not self.stopped and self.time >= self.tripped.time + EXPLAINED:
                 raise StoppedByController(self.tripped.text)
 

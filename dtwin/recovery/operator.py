@@ -102,8 +102,8 @@ class Operator:
                 if self._new():
                     self.trouble = str(late)
                 return
-            except CriticalFinding as grave:
-                self._halt(grave.finding)
+            except CriticalFinding as critical:
+                self._halt(critical.finding)
             except StoppedByController as tripped:
                 self._explain(str(tripped))
             except (CommunicationError, ParameterError) as error:

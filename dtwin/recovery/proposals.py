@@ -101,8 +101,8 @@ class Proposals:
         reason = f"proposal {proposal.number} of {proposal.request.who}"
         try:
             outcome = operator.carry_out(proposal.request.parameters, proposal.by, reason)
-        except (CriticalFinding, StoppedByController) as grave:
-            self._report(proposal, f"interrupted: {grave}")
+        except (CriticalFinding, StoppedByController) as critical:
+            self._report(proposal, f"interrupted: {critical}")
             raise
         except DtwinError as error:
             outcome = f"not done: {error}"

@@ -142,7 +142,7 @@ class ChainRun:
             command=self.target,
         )
 
-    def save(self, path: Path) -> None:
+    def save(self, path: Path | str) -> None:
         """Writes a Parquet log: t, then q_J, target_J, sent_J, and torque_J, current_J or voltage_J for joint J.
 
         What was sent is the command from the sample on; the effort beside it is what acts at the sample.
@@ -161,7 +161,7 @@ class ChainRun:
             columns[f"{EFFORTS.get(joint.actuator.commanded, 'command')}_{k + 1}"] = self.effort[:, k]
         facts = {"arm": arm.name, "machine": self.settings.machine.name, "seed": str(self.settings.seed)}
         table = pa.table({name: pa.array(values) for name, values in columns.items()}).replace_schema_metadata(facts)
-        with replacing(path, LOG) as temporary:
+        with replacing(Path(path), LOG) as temporary:
             pq.write_table(table, temporary)
 
     def score(self) -> dict[str, Any]:

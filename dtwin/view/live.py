@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
@@ -13,8 +11,6 @@ import numpy as np
 import rerun as rr
 
 from dtwin.bus.twin_messages import MonitoredUnit, MonitoringResiduals, MonitoringVerdict
-from dtwin.errors import NoSpaceError
-from dtwin.files import ensure_writable
 from dtwin.logs.log import Log, concatenate
 from dtwin.parameters import ArmParameters
 from dtwin.run.prediction import DATA_SHEET, BelievedArm
@@ -28,14 +24,13 @@ from dtwin.view.monitoring import (
     monitoring_views,
     predictions,
 )
+from dtwin.view.saving import RecordingFile
 from dtwin.view.scene import STRIDE, Scene
 from dtwin.view.series import ERROR, PLOTS, log_events, log_limits, log_plots, log_states, log_styles
 from dtwin.view.story import MOST_MARKS, Story, log_marks, log_story_styles, marks
 from dtwin.view.viewer import Detail
 from dtwin.view.write import APPLICATION
 
-RESERVE: Final = 64 << 20
-"""Room on the disk below which no more is sent to a file, bytes: Rerun waits for ever for a disk that is full."""
 SCREEN: Final = 4
 """Number of ticks of which a recording in the detail of a screen holds one, 25 Hz, and more where a line bends."""
 FILE_TICKS: Final = 1000
@@ -45,6 +40,48 @@ SPARSE: Final = 5
 SPARSE_TICKS: Final = 200
 """Number of ticks that are sent at once sparsely: such a viewer takes in a few messages with every picture."""
 _STATE: Final = ("box_present", "box_colour", "box_gripped")
+
+
+class Waiting:
+    """What waits to be sent.
+
+    Args:
+        together: number of ticks that are sent at once.
+
+    Attributes:
+        together: the same.
+    """
+
+    def __init__(self, together: int) -> None:
+        self.together = together
+        self._logs: list[Log] = []
+        self._residuals: list[MonitoringResiduals] = []
+        self._verdicts: list[MonitoringVerdict] = []
+        self._units: Mapping[str, MonitoredUnit] = {}
+
+    def add(self, log: Log) -> bool:
+        """Takes ticks that follow; whether so many wait that they are sent."""
+        self._logs.append(log)
+        return sum(map(len, self._logs)) >= self.together
+
+    def add_monitoring(
+        self, residuals: Sequence[MonitoringResiduals], verdicts: Sequence[MonitoringVerdict], sparse: bool
+    ) -> bool:
+        """Takes what a monitor has said; whether that is anything new. Sparsely, nothing else is kept."""
+        news = [each for each in verdicts if each.units != self._units]
+        self._units = verdicts[-1].units if verdicts else self._units
+        if sparse:
+            # An opinion a second that says the same takes longer to show than it says.
+            residuals, verdicts = (), news
+        self._residuals += residuals
+        self._verdicts += verdicts
+        return bool(news)
+
+    def take(self) -> tuple[Log | None, list[MonitoringResiduals], list[MonitoringVerdict]]:
+        """All that waits, which waits no longer; None for no ticks."""
+        logs, residuals, verdicts = self._logs, self._residuals, self._verdicts
+        self._logs, self._residuals, self._verdicts = [], [], []
+        return concatenate(logs, {}) if logs else None, residuals, verdicts
 
 
 class LiveView:
@@ -85,25 +122,14 @@ class LiveView:
         self._states: Log | None = None
         self._story = Story()
         self._marks = 0
-        self._file = file
-        self._temporary: Path | None = None
-        sinks: list[rr.FileSink | rr.GrpcSink] = []
-        if file is not None:
-            if not has_room(file):
-                raise NoSpaceError(f"{file}: cannot be written: no space left on device")
-            ensure_writable(file)
-            self._temporary = file.with_name(f".{file.name}.part")
-            sinks.append(rr.FileSink(self._temporary))
+        self._file = None if file is None else RecordingFile(file)
+        sinks: list[rr.FileSink | rr.GrpcSink] = [] if self._file is None else [rr.FileSink(self._file.begun)]
         if url:
             sinks.append(rr.GrpcSink(url))
         self._monitored, self._sparse = monitored, detail == "sparse"
         self._full = detail == "full"
-        self._together = SPARSE_TICKS if self._sparse else 0 if url or self._full else FILE_TICKS
-        self._residuals: list[MonitoringResiduals] = []
-        self._verdicts: list[MonitoringVerdict] = []
-        self._collected: list[Log] = []
+        self._waiting = Waiting(SPARSE_TICKS if self._sparse else 0 if url or self._full else FILE_TICKS)
         self._whole: Log | None = None
-        self._units: Mapping[str, MonitoredUnit] = {}
         extent = live_extent(task)
         tabs = [monitoring_views(extent)] if monitored else []
         self._stream.set_sinks(
@@ -113,24 +139,21 @@ class LiveView:
     @property
     def ready(self) -> bool:
         """Whether there is room for more in the file."""
-        return self._file is None or has_room(self._file)
+        return self._file is None or self._file.has_room
 
     def add(self, log: Log) -> None:
         """Sends ticks and events that follow those sent before, to a file alone or sparsely many at once.
 
         What is worth a look is in a file at once, and so is its beginning.
         """
-        self._collected.append(log)
         at_once = not self._sparse and (self._states is None or bool(marks(log.events)))
-        if at_once or sum(map(len, self._collected)) >= self._together:
+        if self._waiting.add(log) or at_once:
             self._send_collected()
 
     def _send_collected(self) -> None:
-        if self._collected:
-            log, self._collected = concatenate(self._collected, {}), []
+        log, residuals, verdicts = self._waiting.take()
+        if log is not None:
             self._send(log)
-        residuals, self._residuals = self._residuals, []
-        verdicts, self._verdicts = self._verdicts, []
         if residuals:
             log_predictions(self._stream, predictions(residuals))
         if verdicts:
@@ -161,21 +184,13 @@ class LiveView:
         log_marks(self._stream, new, self._marks)
         self._marks += len(new)
         self._stream.flush()
-        if self._temporary is not None and self._file is not None:
-            # Only now, because the file may be what a killed recorder left, and these rows hold all of it.
-            os.replace(self._temporary, self._file)
-            self._temporary = None
+        if self._file is not None:
+            self._file.appear()
 
     def add_monitoring(self, residuals: Sequence[MonitoringResiduals], verdicts: Sequence[MonitoringVerdict]) -> None:
         """Sends the new residuals, as predictions, and verdicts of a monitor, at once if they say something new."""
-        news = [each for each in verdicts if each.units != self._units]
-        self._units = verdicts[-1].units if verdicts else self._units
-        if self._sparse:
-            # An opinion a second that says the same takes longer to show than it says.
-            residuals, verdicts = (), news
-        self._residuals += residuals
-        self._verdicts += verdicts
-        if self._states is not None and (news or not self._together or self._sparse):
+        news = self._waiting.add_monitoring(residuals, verdicts, self._sparse)
+        if self._states is not None and (news or not self._waiting.together or self._sparse):
             self._send_collected()
 
     def _add_states(self, log: Log) -> None:
@@ -193,18 +208,13 @@ class LiveView:
     def close(self) -> None:
         """Closes the file, which then opens on the whole run, and the connection to the viewer."""
         self._send_collected()
-        if self._file is not None and self._whole is not None and self._temporary is None:
+        if self._file is not None and self._whole is not None and self._file.appeared:
             extent = extent_of(self._whole, self._scene.task)
             tabs = [monitoring_views(extent)] if self._monitored else []
             self._stream.send_blueprint(blueprint(extent, *tabs))
         self._stream.disconnect()
-        if self._temporary is not None:
-            self._temporary.unlink(missing_ok=True)
-
-
-def has_room(file: Path) -> bool:
-    """Whether the disk has the reserve of room for a file."""
-    return shutil.disk_usage(file.parent).free >= RESERVE
+        if self._file is not None:
+            self._file.discard()
 
 
 def _widened(before: Log | None, log: Log) -> Log:

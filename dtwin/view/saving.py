@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,10 +13,13 @@ from typing import BinaryIO, Final
 import rerun as rr
 import rerun.blueprint as rrb
 
-from dtwin.files import RECORDING, replacing
+from dtwin.errors import NoSpaceError
+from dtwin.files import RECORDING, ensure_writable, replacing
 
 _CHUNK: Final = 1 << 16
 """Bytes that are copied at once."""
+RESERVE: Final = 64 << 20
+"""Room on the disk below which no more is sent to a file, bytes: Rerun waits for ever for a disk that is full."""
 
 
 @contextmanager
@@ -64,3 +68,48 @@ def _copy(source: int, file: BinaryIO, failures: list[OSError]) -> None:
             file.flush()
     except OSError as error:
         failures.append(error)
+
+
+class RecordingFile:
+    """A recording on disk.
+
+    Args:
+        path: the file.
+
+    Attributes:
+        begun: what is to be written until `appear`.
+        appeared: whether the file is in the place of an earlier one.
+
+    Raises:
+        NoSpaceError: there is no room for it.
+        RecordingError: it cannot be written.
+    """
+
+    def __init__(self, path: Path) -> None:
+        if not has_room(path):
+            raise NoSpaceError(f"{path}: cannot be written: no space left on device")
+        ensure_writable(path)
+        self._path = path
+        self.begun = path.with_name(f".{path.name}.part")
+        self.appeared = False
+
+    @property
+    def has_room(self) -> bool:
+        """Whether there is room for more."""
+        return has_room(self._path)
+
+    def appear(self) -> None:
+        """Puts the file into its place, which may be what a killed recorder left, once its rows hold all of that."""
+        if not self.appeared:
+            os.replace(self.begun, self._path)
+            self.appeared = True
+
+    def discard(self) -> None:
+        """Leaves nothing of a file that has not appeared."""
+        if not self.appeared:
+            self.begun.unlink(missing_ok=True)
+
+
+def has_room(file: Path) -> bool:
+    """Whether the disk has the reserve of room for a file."""
+    return shutil.disk_usage(file.parent).free >= RESERVE

@@ -124,6 +124,41 @@ def stop_experiment(
     return spread(stop_trial, trials, workforce, progress)
 
 
+class _Rest:
+    """When an arm began to be slower than MOVING for STEADY.
+
+    Attributes:
+        since: plant time at which it began, s; None before.
+    """
+
+    def __init__(self) -> None:
+        self.since: float | None = None
+        self._still = 0
+
+    def look(self, time: float, moving: bool) -> None:
+        """Looks at the arm in a tick."""
+        self._still = 0 if moving else self._still + 1
+        if self.since is None and self._still * PERIOD >= STEADY:
+            self.since = time - self._still * PERIOD
+
+
+class _Standstill:
+    """How far joints creep while they count as standing.
+
+    Attributes:
+        crept: the largest true motion of a joint, rad.
+    """
+
+    def __init__(self) -> None:
+        self.crept = 0.0
+        self._first: Triple | None = None
+
+    def look(self, theta: Triple) -> None:
+        """Looks at the true angles (rad) of a tick."""
+        self._first = self._first or theta
+        self.crept = max(self.crept, *(abs(a - b) for a, b in zip(theta, self._first, strict=True)))
+
+
 class _StopRun:
     def __init__(self, trial: StopTrial) -> None:
         self._trial = trial
@@ -136,11 +171,9 @@ class _StopRun:
         self._monitor = Monitor(identified_belief(trial.noise, "uniform", trial.seed, trial.machine))
         self._demanded: float | None = None
         self._moving = False
-        self._still = 0
-        self._rested: float | None = None
+        self._rest = _Rest()
         self._off: float | None = None
-        self._stood: Triple | None = None
-        self._crept = 0.0
+        self._standstill = _Standstill()
         self._stop: Stop = "none"
 
     def outcome(self) -> StopOutcome:
@@ -148,7 +181,7 @@ class _StopRun:
             ticks = tick_count(self._start + PATIENCE + WATCHED)
             run(self._plant, self._controller, ticks, record=self._record, between=self._goes_on)
         demanded = self._demanded
-        rested = None if self._off is not None else self._rested
+        rested = None if self._off is not None else self._rest.since
         return StopOutcome(
             self._trial.seed,
             self._trial.fault,
@@ -156,7 +189,7 @@ class _StopRun:
             self._moving,
             None if demanded is None or rested is None else round(rested - demanded, 6),
             None if demanded is None or self._off is None else round(self._off - demanded, 6),
-            self._crept,
+            self._standstill.crept,
             self._stop,
         )
 
@@ -182,13 +215,10 @@ class _StopRun:
                 self._verdicts.exchange((ARM_STATES.index(arm_state(found.fault)), found.failure, False))
                 self._demanded, self._moving = truth.time, moving
         else:
-            self._still = 0 if moving else self._still + 1
-            if self._rested is None and self._still * PERIOD >= STEADY:
-                self._rested = truth.time - self._still * PERIOD
+            self._rest.look(truth.time, moving)
         self._stop = STOPS[self._controller.resource.read(STOP)]
         if self._stop == "standstill":
-            self._stood = self._stood or truth.theta
-            self._crept = max(self._crept, *(abs(a - b) for a, b in zip(truth.theta, self._stood, strict=True)))
+            self._standstill.look(truth.theta)
         elif self._stop == "torque off" and self._off is None:
             self._off = truth.time
 

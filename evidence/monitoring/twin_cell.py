@@ -40,6 +40,61 @@ _ROUNDING: Final = 1e-6
 """Share of a tick by which a time may be rounded."""
 
 
+class _Readings:
+    """What an encoder adds to angles, and which samples are lost.
+
+    Args:
+        deviation: standard deviation of the noise, rad.
+        loss: probability that a sample is lost.
+        errors, losses: generators of both.
+
+    Attributes:
+        deviation, loss: the same.
+    """
+
+    def __init__(
+        self, deviation: float, loss: float, errors: np.random.Generator, losses: np.random.Generator
+    ) -> None:
+        self.deviation, self.loss = deviation, loss
+        self._errors, self._losses = errors, losses
+
+    def draw(self, count: int) -> tuple[Array, NDArray[np.bool_]]:
+        """Noise (N, 3), rad, and whether the sample is lost, (N,), of the next ticks."""
+        noise = self.deviation * self._errors.standard_normal((count, 3))
+        return noise, self._losses.random(count) < self.loss
+
+
+class _Blocks:
+    """The function blocks in machine code, and where a kernel finds what it needs of them.
+
+    Args:
+        control: settings of the controller.
+
+    Attributes:
+        resource: the blocks.
+        server: the block that takes samples and gives commands.
+        function: address of the function that exchanges a sample for a command.
+        memory: numbers of all blocks, in which `watched` are the places of the path.
+        verdicts: the block that takes verdicts.
+        stop: gives the stop in force.
+        answer: room for an answer.
+
+    Raises:
+        NativeError: there is no machine code.
+    """
+
+    def __init__(self, control: ControlSettings) -> None:
+        resource = EmbeddedController(control).resource
+        if not isinstance(resource, NativeResource):
+            raise NativeError("a cell of the twin: expected a controller in machine code")
+        self.resource, self.server = resource, resource.server(EMULATOR.block)
+        self.function = resource.function(f"exchange__{EMULATOR.block}")
+        self.memory = resource.numbers()
+        self.watched = np.array([resource.offset(name) // 8 for name in PATH])
+        self.verdicts, self.stop = resource.server(VERDICT.block), resource.reader((STOP,))
+        self.answer = np.zeros(40, np.uint8)
+
+
 class TwinCell:
     """A cell at work.
 
@@ -65,20 +120,12 @@ class TwinCell:
         self._vector = np.array([values[name] for name in MACHINE_NAMES])
         self.arm = machine.arm(ArmParameters())
         sensing, bits = machine.sensing, machine.drive.bits
-        self._noise, self._loss = sensing.noise, sensing.loss_rate * PERIOD
         quantum = math.tau / 2**sensing.bits if sensing.bits else 0.0
         self._resolution = np.array([2.0 * VOLTAGE_LIMIT / 2**bits if bits else 0.0, quantum])
-        boxes, self._errors, self._losses = map(np.random.default_rng, np.random.SeedSequence(seed).spawn(3))
+        boxes, errors, losses = map(np.random.default_rng, np.random.SeedSequence(seed).spawn(3))
+        self._readings = _Readings(sensing.noise, sensing.loss_rate * PERIOD, errors, losses)
         self._boxes = Boxes(boxes, gripper, DEFAULT_TASK)
-        resource = EmbeddedController(control).resource
-        if not isinstance(resource, NativeResource):
-            raise NativeError("a cell of the twin: expected a controller in machine code")
-        self._resource, self._server = resource, resource.server(EMULATOR.block)
-        self._function = resource.function(f"exchange__{EMULATOR.block}")
-        self._memory = resource.numbers()
-        self._watched = np.array([resource.offset(name) // 8 for name in PATH])
-        self._verdicts, self._stop = resource.server(VERDICT.block), resource.reader((STOP,))
-        self._answer = np.zeros(40, np.uint8)
+        self._blocks = _Blocks(control)
         self._jaw = np.array(
             [gripper.inertia, gripper.damping, gripper.voltage_constant, gripper.closed, gripper.opened]
         )
@@ -101,11 +148,11 @@ class TwinCell:
     @property
     def stopped(self) -> bool:
         """Whether the function blocks have stopped the arm."""
-        return bool(self._stop()[0])
+        return bool(self._blocks.stop()[0])
 
     def release(self) -> None:
         """Lets a stopped arm go on, as an operator does."""
-        self._verdicts.exchange((0, 1.0, True))
+        self._blocks.verdicts.exchange((0, 1.0, True))
 
     def run(self, seconds: float) -> Log:
         """Works on for a time (s), and gives what sensors and commands said.
@@ -118,8 +165,8 @@ class TwinCell:
         measured, path, volts = np.empty((count + 1, 4)), np.empty((count, 3)), np.empty((count, 4))
         gripped, present = np.empty(count, dtype=bool), np.empty(count, dtype=bool)
         colours = np.empty(count, dtype="U16")
-        noise = self._noise * self._errors.standard_normal((count, 3))
-        lost = self._losses.random(count) < self._loss
+        noise, lost = self._readings.draw(count)
+        blocks = self._blocks
         measured[0] = self._last
         done = 0
         while done < count:
@@ -129,12 +176,12 @@ class TwinCell:
             colour = waiting.colour if waiting else NO_COLOUR
             part = slice(done, min(count, done + self._tick_of(self._boxes.next_arrival) - self.ticks))
             made, problem = work(
-                self._function,
-                self._resource.address,
-                self._server.requests([(0.0, 0.0, 0.0, 0.0, waiting is not None, colour)])[0],
-                self._answer,
-                self._memory,
-                self._watched,
+                blocks.function,
+                blocks.resource.address,
+                blocks.server.requests([(0.0, 0.0, 0.0, 0.0, waiting is not None, colour)])[0],
+                blocks.answer,
+                blocks.memory,
+                blocks.watched,
                 self._vector,
                 self._boxes.held.mass if self._boxes.held else 0.0,
                 self._resolution,
@@ -153,7 +200,7 @@ class TwinCell:
             )
             if problem == DIVERGED:
                 raise DivergenceError("cell of the twin", self.ticks * PERIOD, self._state)
-            self._resource.check(problem, EMULATOR.block)
+            blocks.resource.check(problem, EMULATOR.block)
             now = slice(done, done + made)
             present[now], colours[now] = waiting is not None, colour
             done, self.ticks = done + made, self.ticks + made

@@ -83,15 +83,11 @@ class Runner:
         self._paused = False
         self._busy = False
         self._waiting: deque[Callable[[], None]] = deque()
-        self._turn = -1
-        self._turn_ends = 0.0
-        self._computed = 0.0
-        self._computing_ends = 0.0
+        self._allowance = Allowance()
         self._change: Callable[[Resource], None] | None = None
-        self._timer: Timer | None = None
-        self._due: int | None = None
+        self._alarm = Alarm(reactor, self._run)
         self._transport = NetworkTransport(reactor, surroundings, self.perform, self.receive)
-        iterations = chain.from_iterable(self._rounds())
+        iterations = chain.from_iterable(self._allowance.rounds())
         self._resource: Resource | HostedResource
         if native:
             from iec61499.native.hosted import HostedResource  # with it comes NumPy, which others do without
@@ -100,7 +96,6 @@ class Runner:
         else:
             self._resource = Resource(network, library, self._transport, lambda: iterations)
         self._resource.checks = checks
-        self._origin = 0
 
     @property
     def addresses(self) -> dict[str, StreamAddress]:
@@ -108,30 +103,30 @@ class Runner:
         return self._transport.addresses
 
     def start(self) -> None:
-        self._origin = time.monotonic_ns()
+        self._alarm.origin = time.monotonic_ns()
         self.perform(self._resource.issue_start)
 
     def pause(self) -> None:
         """Issues the STOP event, for one turn; what arrives until `resume` is lost, as in a stopped FORTE."""
         self._waiting.clear()
-        self._turn = -1
+        self._allowance.renew()
         self.perform(self._resource.issue_stop)
         self._paused = True
         self._waiting.clear()
-        self._disarm()
+        self._alarm.clear()
         self._resource.halt()
 
     def resume(self) -> None:
         """Issues the WARM event. The time it was stopped has not passed for the resource."""
         self._paused = False
-        self._origin = time.monotonic_ns() - self._resource.time
+        self._alarm.origin = time.monotonic_ns() - self._resource.time
         self.perform(self._resource.issue_start)
 
     def close(self) -> None:
         """Closes all channels and forgets all timers."""
         self._paused = True
         self._waiting.clear()
-        self._disarm()
+        self._alarm.clear()
         self._resource.reset()
 
     def change_soon(self, change: Callable[[Resource], None]) -> None:
@@ -181,7 +176,7 @@ class Runner:
             log.warning("resource %s: %d messages wait already; one is lost", self._name, WAITING)
             return
         self._waiting.append(action)
-        if not self._busy and self._due != AT_ONCE:
+        if not self._busy and self._alarm.due != AT_ONCE:
             self._run()
 
     def receive(self, action: Callable[[], None]) -> None:
@@ -190,13 +185,12 @@ class Runner:
             action()
         elif not self._paused and len(self._waiting) < WAITING:
             self._waiting.append(action)
-            self._arm(idle=False)
+            self._alarm.arm(AT_ONCE)
 
     def _run(self) -> None:
         """Delivers events until none is left or the turn is over. Here every error of a block ends."""
         self._busy = True
-        began = time.thread_time()
-        self._computing_ends = began + COMPUTING_TIME
+        began = self._allowance.begin()
         try:
             idle, ended = self._deliver()
             self._account(ended, time.thread_time() - began)
@@ -210,22 +204,20 @@ class Runner:
             return
         finally:
             self._busy = False
-        self._arm(idle)
+        self._alarm.arm(self._resource.next_timer() if idle else AT_ONCE)
 
     def _deliver(self) -> tuple[bool, bool]:
         """Returns whether nothing is left to do, and whether an event chain has come to its end."""
-        resource, waiting = self._resource, self._waiting
-        if self._reactor.turn != self._turn:
-            self._turn = self._reactor.turn
-            self._turn_ends = time.monotonic() + TURN
+        resource, waiting, alarm = self._resource, self._waiting, self._alarm
+        turn_ends = self._allowance.end_of_turn(self._reactor.turn)
         ended = False
-        while time.monotonic() < self._turn_ends:
+        while time.monotonic() < turn_ends:
             if self._change is not None:
                 self._change_before_event()
             if resource.run_batch(EVENTS):
                 continue
             ended = True
-            if not resource.ring(time.monotonic_ns() - self._origin):
+            if not resource.ring(time.monotonic_ns() - alarm.origin):
                 if not waiting:
                     return True, ended
                 waiting.popleft()()
@@ -239,16 +231,54 @@ class Runner:
 
     def _account(self, ended: bool, computed: float) -> None:
         """Bounds how long an event chain computes over several turns, and how late the resource may be."""
-        self._computed = 0.0 if ended else self._computed + computed
-        if self._computed > CHAIN_TIME:
-            self._computed = 0.0
+        if self._allowance.is_exceeded(ended, computed):
             self._resource.end_chain(f"events that follow from one took more than {CHAIN_TIME:g} s")
-        late = time.monotonic_ns() - self._origin - self._resource.time
+        late = time.monotonic_ns() - self._alarm.origin - self._resource.time
         if late > LATEST:
             log.warning("resource %s: %.1f s late; this time is left out", self._name, late / 1e9)
-            self._origin += late
+            self._alarm.origin += late
 
-    def _rounds(self) -> Iterator[range]:
+
+class Allowance:
+    """How long a resource may compute: in a turn of the reactor, in an algorithm, and in an event chain."""
+
+    def __init__(self) -> None:
+        self._turn = -1
+        self._turn_ends = 0.0
+        self._chain = 0.0
+        self._computing_ends = 0.0
+
+    def renew(self) -> None:
+        """Has a turn of its own for what comes next, whatever the turn is."""
+        self._turn = -1
+
+    def begin(self) -> float:
+        """The time of the processor, s, at which it begins to compute."""
+        began = time.thread_time()
+        self._computing_ends = began + COMPUTING_TIME
+        return began
+
+    def end_of_turn(self, turn: int) -> float:
+        """When its share of a turn of the reactor ends, s of the monotonic clock."""
+        if turn != self._turn:
+            self._turn = turn
+            self._turn_ends = time.monotonic() + TURN
+        return self._turn_ends
+
+    def is_exceeded(self, ended: bool, computed: float) -> bool:
+        """Whether an event chain has taken more than CHAIN_TIME; the next one begins anew then.
+
+        Args:
+            ended: whether it has come to its end.
+            computed: what it has taken of the processor since the last call, s.
+        """
+        self._chain = 0.0 if ended else self._chain + computed
+        if self._chain <= CHAIN_TIME:
+            return False
+        self._chain = 0.0
+        return True
+
+    def rounds(self) -> Iterator[range]:
         """Iterations for loops, a round at a time, until the time to compute is over."""
         size = 1
         now = time.thread_time()
@@ -257,26 +287,46 @@ class Runner:
             before, now = now, time.thread_time()
             size = min(2 * size, 64) if now - before < _ROUND else max(1, size // 2)
 
-    def _arm(self, idle: bool) -> None:
-        """Sets the timer to when there is something to do: in the next turn, or when the next timed block is due."""
-        due = self._resource.next_timer() if idle else AT_ONCE
-        if due == self._due:
+
+class Alarm:
+    """Wakes a resource when it has something to do.
+
+    Args:
+        reactor: the event loop that has the timers.
+        ring: called then.
+
+    Attributes:
+        origin: time of the monotonic clock at which the resource's clock is 0, ns.
+        due: what it is set to, ns on the resource's clock; AT_ONCE for the next turn, None for nothing.
+    """
+
+    def __init__(self, reactor: Reactor, ring: Callable[[], None]) -> None:
+        self.origin = 0
+        self.due: int | None = None
+        self._reactor = reactor
+        self._wake = ring
+        self._timer: Timer | None = None
+
+    def arm(self, due: int | None) -> None:
+        """Sets the timer to when there is something to do."""
+        if due == self.due:
             return
-        self._disarm()
-        self._due = due
+        self.clear()
+        self.due = due
         if due == AT_ONCE:
             self._timer = self._reactor.call_soon(self._ring)
         elif due is not None:
-            self._timer = self._reactor.call_at((self._origin + due) / 1e9, self._ring)
+            self._timer = self._reactor.call_at((self.origin + due) / 1e9, self._ring)
 
-    def _ring(self) -> None:
-        self._timer = self._due = None
-        self._run()
-
-    def _disarm(self) -> None:
+    def clear(self) -> None:
+        """Wakes it no more."""
         if self._timer is not None:
             self._timer.cancel()
-        self._timer = self._due = None
+        self._timer = self.due = None
+
+    def _ring(self) -> None:
+        self._timer = self.due = None
+        self._wake()
 
 
 def _text(error: Exception) -> str:

@@ -67,7 +67,7 @@ class ArmEmulator(Paced[JointSensors, JointCommands]):
         """Publishes a sample."""
         self._publish_sensors(sample)
 
-    def tell_what_acts(self, sample: JointSensors, command: JointCommands, answers: bool) -> None:
+    def publish_acting(self, sample: JointSensors, command: JointCommands, answers: bool) -> None:
         """Keeps what acts in this tick until it is told with others."""
         if self._publish_ticks.wanted:
             self._passed.add(sample, command)

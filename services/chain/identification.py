@@ -9,7 +9,6 @@ from __future__ import annotations
 import logging
 import sys
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -21,13 +20,11 @@ from dtwin.arm.adjustment import Adjustment
 from dtwin.arm.chain import Array
 from dtwin.arm.file import ArmFile, file_of
 from dtwin.arm.model import ArmModel
-from dtwin.bus.chain.messages import JointAdjustment, JointTicks, JointUpload, JointUploadRequest
+from dtwin.bus.chain.messages import JointAdjustment, JointTick, JointTicks, JointUpload, JointUploadRequest
 from dtwin.bus.messages import (
     ADJUSTED,
     ARM_UPLOAD,
     DECIDE,
-    EVENTS,
-    IDENTIFICATION,
     IDENTIFY,
     JOINT_TICKS,
 )
@@ -41,8 +38,8 @@ from dtwin.identification.store import STORE
 from dtwin.run.chain import ChainSettings
 from dtwin.services.chain.options import ArmCellOptions
 from dtwin.services.chain.ticks import Rows
+from dtwin.services.parts.identifying.progress import Progress
 from dtwin.services.service import Link, Service, main
-from dtwin.signals import Event, EventKind
 
 log = logging.getLogger(__name__)
 
@@ -71,6 +68,41 @@ class Options(ArmCellOptions, Link):
         return 0
 
 
+class Motion:
+    """The last motion of an arm without a gap.
+
+    Args:
+        settings: run of the arm.
+    """
+
+    def __init__(self, settings: ChainSettings) -> None:
+        self._rows = Rows(settings.arm, settings.late)
+        self._most = round(REMEMBERED / (settings.arm.period * AT_ONCE))
+        self._blocks: list[tuple[Array, Array, Array, Array]] = []
+
+    def add(self, tick: JointTick) -> None:
+        """Takes a tick; what was before a gap, or of another run, is forgotten."""
+        if self._rows.add(tick):
+            self._blocks = []
+
+    def gather(self) -> bool:
+        """Keeps what has come, once that is enough; whether it was. The oldest is forgotten."""
+        if len(self._rows) < AT_ONCE:
+            return False
+        self._blocks.append(self._rows.drain())
+        del self._blocks[: max(0, len(self._blocks) - self._most)]
+        return True
+
+    def since(self, time: float) -> tuple[Array, Array, Array, Array]:
+        """Times (N,), readings, targets and efforts (N, n) from a plant time (s) on."""
+        if not self._blocks:
+            nothing: Array = np.zeros(0)
+            return nothing, nothing, nothing, nothing
+        t, q, target, effort = (np.concatenate(column) for column in zip(*self._blocks, strict=True))
+        after = t >= time
+        return t[after], q[after], target[after], effort[after]
+
+
 class Identifying:
     """One identification after another, each from request to decision.
 
@@ -91,15 +123,13 @@ class Identifying:
         self._request = IdentificationRequest()
         self._found: Identification | None = None
         self._finished = 0
-        self._state = IdentificationState("idle", "ready")
-        self._forget()
+        self._motion = Motion(settings)
         bus = service.bus
-        self._publish: Callable[[IdentificationState], None] = bus.publisher(IDENTIFICATION)
-        self._tell: Callable[[Event], None] = bus.publisher(EVENTS)
+        self._progress = progress = Progress(bus)
         bus.subscribe(JOINT_TICKS, JointTicks, service.inbox.put)
         bus.subscribe(ADJUSTED, JointAdjustment, service.inbox.put)
-        bus.answer(IDENTIFY, IdentificationRequest, self._ask, lambda: self._state)
-        bus.answer(DECIDE, IdentificationDecision, self._decide, lambda: self._state)
+        bus.answer(IDENTIFY, IdentificationRequest, self._ask, lambda: progress.state)
+        bus.answer(DECIDE, IdentificationDecision, self._decide, lambda: progress.state)
 
     def run(self) -> None:
         """Works until it is asked to end."""
@@ -116,43 +146,33 @@ class Identifying:
                     self._request, self._found = item, None
                     self._deadline = time.monotonic() + PATIENCE
                     self._look()
-                if self._state.phase == "measuring" and time.monotonic() > self._deadline > 0.0:
-                    raise IdentificationError(f"{self._state.text}, and there it stopped: does the arm move?")
+                state = self._progress.state
+                if state.phase == "measuring" and time.monotonic() > self._deadline > 0.0:
+                    raise IdentificationError(f"{state.text}, and there it stopped: does the arm move?")
             except DtwinError as error:
                 self._enter(IdentificationState("refused", str(error)[:1000]))
             if service.report_due():
                 service.report("running", self._finished, time=self._time)
-
-    def _forget(self) -> None:
-        self._rows = Rows(self._settings.arm, self._settings.late)
-        self._kept: list[tuple[Array, Array, Array, Array]] = []
 
     def _adjust(self, message: JointAdjustment) -> None:
         """Begins anew where the blocks count on something else: it was an arm that changed."""
         now = Adjustment(message.offset, message.strength, message.friction, message.load)
         if len(now.offset) == len(self._settings.arm) and now != self._adjustment:
             self._adjustment = now
-            self._forget()
+            self._motion = Motion(self._settings)
 
     def _on_ticks(self, passed: JointTicks) -> None:
         for tick in passed.ticks:
             if len(tick.sensors.theta) != len(self._settings.arm):
                 return
-            if self._rows.add(tick):  # a gap, or another run
-                self._kept = []
+            self._motion.add(tick)
             self._time = tick.sensors.time
-        if len(self._rows) < AT_ONCE:
-            return
-        self._kept.append(self._rows.drain())
-        spare = len(self._kept) - round(REMEMBERED / (self._settings.arm.period * AT_ONCE))
-        del self._kept[: max(0, spare)]
-        if self._state.phase == "measuring" and self._deadline:
+        if self._motion.gather() and self._progress.state.phase == "measuring" and self._deadline:
             self._look()
 
     def _ask(self, request: IdentificationRequest) -> IdentificationState:
         """Answers on Zenoh's thread; the work is the main thread's."""
-        if self._state.phase in ("measuring", "estimating"):
-            raise IdentificationError(f"an identification is {self._state.phase}; wait for it")
+        self._progress.ensure_free()
         usual = IdentificationRequest(source="motion", since=request.since)
         if request != usual:
             raise ParameterError(
@@ -160,19 +180,17 @@ class Identifying:
                 "--free, --box-mass or --anew"
             )
         self._deadline = 0.0
-        self._state = IdentificationState("measuring", "waits for the motion")
+        state = self._progress.request("waits for the motion")
         self._service.inbox.put(request)
-        return self._state
+        return state
 
     def _look(self) -> None:
         """Identifies the arm once enough has passed."""
-        rows = [np.concatenate(column) for column in zip(*self._kept, strict=True)] or [np.zeros(0)] * 4
-        after = rows[0] >= self._request.since
-        t, q, target, effort = (column[after] for column in rows)
+        t, q, target, effort = self._motion.since(self._request.since)
         needed = round(NEEDED / self._settings.arm.period)
         if len(t) < needed:
             seen = IdentificationState("measuring", "the arm is watched", len(t), needed)
-            if (seen.samples // 100) != (self._state.samples // 100) or self._state.of != needed:
+            if (seen.samples // 100) != (self._progress.state.samples // 100) or self._progress.state.of != needed:
                 self._enter(seen)
             return
         self._enter(IdentificationState("estimating", "the model is fitted", len(t), len(t)))
@@ -189,7 +207,7 @@ class Identifying:
         left = sum(1 for row in numbers(found) if not row.told)
         self._enter(
             msgspec.structs.replace(
-                self._state,
+                self._progress.state,
                 phase="proposed",
                 text=f"{len(told)} numbers are told by the motion; {left} stay as they were known",
                 converged=True,
@@ -201,22 +219,18 @@ class Identifying:
         )
 
     def _decide(self, decision: IdentificationDecision) -> IdentificationState:
-        found = self._found
-        if self._state.phase != "proposed" or found is None:
-            raise IdentificationError(f"no model waits for a decision: the identification is {self._state.phase}")
+        progress = self._progress
+        found = progress.decidable(decision, self._found)
         if not decision.accept:
-            self._enter(msgspec.structs.replace(self._state, phase="rejected", text="the model was not kept"))
-            return self._state
-        if self._state.doubts and not decision.anyway:
-            raise IdentificationError(
-                f"the model is in doubt, {self._state.doubts}: expected to be kept anyway, or rejected"
-            )
+            self._enter(msgspec.structs.replace(progress.state, phase="rejected", text="the model was not kept"))
+            return progress.state
         path = keep(found, self._known, self._store, decision.name)
         text = f"kept as {path}"
         if decision.upload:
             text = f"{text}, {self._upload(model_without(found, self._adjustment), text)}"
-        self._enter(msgspec.structs.replace(self._state, phase="accepted", text=text[:1000], model_file=str(path)))
-        return self._state
+        accepted = msgspec.structs.replace(progress.state, phase="accepted", text=text[:1000], model_file=str(path))
+        self._enter(accepted)
+        return progress.state
 
     def _upload(self, model: ArmModel, why: str) -> str:
         """What became of the model in the blocks; it is kept in any case."""
@@ -230,11 +244,7 @@ class Identifying:
         return f"on trial in the blocks as version {answer.version} of their settings"
 
     def _enter(self, state: IdentificationState) -> None:
-        if state.phase != self._state.phase or state.samples == 0:
-            self._tell(Event(self._time, EventKind.IDENTIFICATION, f"{state.phase}: {state.text}"[:1000]))
-        self._state = state
-        self._publish(state)
-        log.info("%s: %s", state.phase, state.text)
+        self._progress.enter(state, self._time)
 
 
 def _short(name: str, names: dict[str, str]) -> str:

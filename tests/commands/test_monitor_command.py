@@ -97,7 +97,7 @@ def test_a_recording_shows_what_the_monitor_made_of_it(
     [
         (["monitor", "nowhere.parquet"], "nowhere.parquet"),
         (["monitor", "LOG", "--model", "nobody"], "no model 'nobody'"),
-        (["monitor", "LOG", "--alarms-per-hour", "0"], "alarms_per_hour"),
+        (["monitor", "LOG", "--alarms-per-hour", "0"], "--alarms-per-hour: expected a number above 0"),
         (["monitor", "LOG", "--method", "thesis", "--step", "0.003"], "step"),
         (["monitor", "LOG", "--method", "thesis", "--record", "x.rrd"], "--record"),
         (["monitor", "LOG", "--commissioned", "none.json"], "none.json: No such file"),

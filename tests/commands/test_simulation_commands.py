@@ -6,12 +6,14 @@ import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import msgspec
 import pytest
 
 import dtwin
+from dtwin.api.live import SAMPLES, LiveCell
+from dtwin.bus.session import Bus
 from dtwin.bus.twin_messages import Upload
 from dtwin.cli import main
 from dtwin.commands.simulation import simulate
@@ -119,7 +121,7 @@ def test_history_is_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
         (["simulate", "--goal", "3,3"], "the reach is"),
         (["simulate", "--candidate", "speed=3"], "unknown name 'speed'"),
         (["simulate", "--payload", "-1"], "payload: expected"),
-        (["simulate", "--set", "K9=1"], "unknown name 'K9'"),
+        (["simulate", "--set", "K9=1"], "unknown parameter 'K9': expected K1,"),
         (["simulate", "--model", "nobody"], "nobody"),
         (["simulate", "--plot", "/nowhere/a.png"], "cannot be written"),
         (["simulate", "--log", "/nowhere.parquet"], "cannot be read"),
@@ -151,26 +153,27 @@ def test_the_load_of_a_running_arm_is_what_it_holds(
 ) -> None:
     """Unless another one is asked for."""
     monkeypatch.setattr(simulate, "connect", lambda cell: _Running(holds))
-    found = simulate.Simulate(payload=payload, live=True)._from_live(MotionCase("red"))
-    assert (found.payload, found.theta) == (load, PICKUP.theta)
-    assert found.omega == pytest.approx((0.1, 0.0, 0.0))
+    found: list[MotionCase] = []
+    monkeypatch.setattr(simulate, "_print", lambda outcomes, *_: found.append(outcomes["base"].case))
+    assert simulate.Simulate(payload=payload, live=True).execute() == 0
+    (case,) = found
+    assert (case.payload, case.theta) == (load, PICKUP.theta)
+    assert case.omega == pytest.approx((0.1, 0.0, 0.0))
 
 
-class _Running:
+class _Running(LiveCell):
     """A running cell: what it tells of an arm that moves, and does as its own bus."""
 
     def __init__(self, holds: bool) -> None:
-        self._holds, self.bus = holds, self
+        super().__init__(cast(Bus, self))
+        self._holds = holds
 
-    def __enter__(self) -> _Running:
-        return self
-
-    def __exit__(self, *_: object) -> None:
+    def close(self) -> None:
         pass
 
-    def samples(self) -> Iterator[Sensors]:
+    def samples(self, count: int | None = None, *, bound: int = 1000, patience: float = 5.0) -> Iterator[Sensors]:
         first, second, third = PICKUP.theta
-        for k in range(1 - simulate._SAMPLES, 1):
+        for k in range(1 - SAMPLES, 1):
             yield Sensors(k + 20, 0.2 + PERIOD * k, (first + 0.1 * PERIOD * k, second, third), 0.4, False, "")
 
     def settings(self) -> Upload:

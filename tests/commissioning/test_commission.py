@@ -9,8 +9,8 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from dtwin.api import commissioning
 from dtwin.cli import main
-from dtwin.commands.identification import commission as command
 from dtwin.commissioning.stages import Stages
 from dtwin.identification.machine.record import read_record
 from dtwin.logs.log import Log
@@ -110,8 +110,8 @@ class Cell:
 @pytest.fixture
 def cell(short_log: Path, monkeypatch: pytest.MonkeyPatch) -> Cell:
     cell = Cell(short_log)
-    monkeypatch.setattr(command, "collect", cell.collect)
-    monkeypatch.setattr(command, "join", lambda *_: nullcontext())
+    monkeypatch.setattr(commissioning, "collect", cell.collect)
+    monkeypatch.setattr(commissioning, "join", lambda *_: nullcontext())
     return cell
 
 

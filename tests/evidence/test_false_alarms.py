@@ -44,7 +44,7 @@ def test_work_does_not_depend_on_how_it_is_divided() -> None:
 
 def test_the_arm_obeys_the_equations_of_the_twin_with_effects() -> None:
     found = cell()
-    found._noise, found._loss, found._resolution[:] = 0.0, 0.0, 0.0
+    found._readings.deviation, found._readings.loss, found._resolution[:] = 0.0, 0.0, 0.0
     p, late = found._vector, len(found._commands)
     log = found.run(2.0)
     assert not log.columns["box_gripped"].any()
@@ -65,7 +65,7 @@ def test_the_arm_obeys_the_equations_of_the_twin_with_effects() -> None:
 
 def test_amplifiers_encoders_and_losses_have_their_resolution_and_rate() -> None:
     found = cell()
-    found._loss = 0.3
+    found._readings.loss = 0.3
     log = found.run(60.0)
     steps = log.stack("measured") / found._resolution[1]
     assert steps == pytest.approx(np.round(steps), abs=1e-6)
@@ -86,7 +86,7 @@ def test_a_stopped_arm_is_let_go_on() -> None:
     found, stopped = cell(), []
     for step in (
         lambda: None,
-        lambda: found._verdicts.exchange((ARM_STATES.index("failed"), 1.0, False)),
+        lambda: found._blocks.verdicts.exchange((ARM_STATES.index("failed"), 1.0, False)),
         found.release,
     ):
         step()

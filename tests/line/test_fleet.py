@@ -27,7 +27,8 @@ from dtwin.bus.vda5050.messages import MANUFACTURER, key_of
 from dtwin.errors import ParameterError
 from dtwin.line.control import Control, OneResource
 from dtwin.line.file import line_of
-from dtwin.line.fleet.distant import SILENT, DistantVehicle
+from dtwin.line.fleet.contact import SILENT
+from dtwin.line.fleet.distant import DistantVehicle
 from dtwin.line.fleet.fleet import Fleet
 from dtwin.line.fleet.orders import Surroundings
 from dtwin.line.floor import Floor

@@ -4,7 +4,7 @@ import pytest
 
 from dtwin.monitoring.kinds import KINDS, FaultId, faults
 from dtwin.parameters import ROOT
-from dtwin.recovery.answers import ANSWERS, MEASURES, UNKNOWN, answer_to, gravest, order, table
+from dtwin.recovery.answers import ANSWERS, MEASURES, UNKNOWN, answer_to, first_critical, order, table
 
 
 def test_every_kind_of_fault_has_an_answer() -> None:
@@ -42,8 +42,8 @@ def test_a_kind_that_is_not_in_the_table_is_unknown() -> None:
 
 
 def test_what_stops_the_arm_goes_before_all_others() -> None:
-    assert gravest([FaultId("K", 2), FaultId("freeze", 1), FaultId("bias", 3)]) == FaultId("freeze", 1)
-    assert gravest([FaultId("K", 2), FaultId("supply")]) is None
+    assert first_critical([FaultId("K", 2), FaultId("freeze", 1), FaultId("bias", 3)]) == FaultId("freeze", 1)
+    assert first_critical([FaultId("K", 2), FaultId("supply")]) is None
 
 
 def test_the_documentation_has_the_table() -> None:

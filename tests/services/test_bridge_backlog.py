@@ -8,8 +8,8 @@ import pytest
 
 from dtwin.bus.opening import open_peer
 from dtwin.bus.session import Bus
-from dtwin.services import bridge
 from dtwin.services.parts import recent
+from dtwin.services.parts.answering import connection
 from dtwin.services.parts.gate import STALE
 from dtwin.services.parts.state_file import StateFile
 from dtwin.signals import Sensors, Voltages
@@ -34,7 +34,7 @@ def test_of_a_backlog_only_the_newest_sample_is_answered(monkeypatch: pytest.Mon
                 back.wait(PATIENCE)
             return super().answer(sensors)
 
-    monkeypatch.setattr(bridge, "ControlLoop", lambda address, patience: Held(Device()))
+    monkeypatch.setattr(connection, "ControlLoop", lambda address, patience: Held(Device()))
     meet = f"tcp/127.0.0.1:{free_port()}"
     with Bus(open_peer(meet)) as bus, bridged(meet, StateFile(tmp_path / "settings")):
         peer = Peer(bus)

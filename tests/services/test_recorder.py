@@ -17,7 +17,7 @@ from dtwin.parameters import PERIOD, ArmParameters
 from dtwin.services.parts.part_files import discard_markers, mark_begun
 from dtwin.services.recorder import Options, Recorder
 from dtwin.signals import Event, EventKind, Sensors, Truth, Voltages
-from dtwin.view import live
+from dtwin.view import live, saving
 from tests.services.parts.test_log_parts import log as rows_of
 from tests.support.desk import Desk
 from tests.support.disks import full_disk
@@ -80,7 +80,7 @@ def test_a_recording_waits_for_room_and_draws_what_the_log_holds(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     full = {"free": 0}
-    monkeypatch.setattr(live, "has_room", lambda file: full["free"] > 0)
+    monkeypatch.setattr(saving, "has_room", lambda file: full["free"] > 0)
     drawn: list[int] = []
     add = live.LiveView.add
 

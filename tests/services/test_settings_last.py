@@ -32,6 +32,7 @@ from dtwin.controller.settings import ControlSettings, usual_gains
 from dtwin.errors import CommunicationError, RecordingError
 from dtwin.parameters import ArmParameters, Gains, Triple
 from dtwin.services import bridge
+from dtwin.services.parts.answering import connection
 from dtwin.services.parts.state_file import StateFile
 from dtwin.services.service import Service
 from dtwin.signals import ArmState, Event, EventKind, Sensors, Stop, Voltages
@@ -182,8 +183,8 @@ def bridged(meet: str, state: StateFile, sequence: SequenceSettings = STRAIGHT) 
 @pytest.fixture
 def device(monkeypatch: pytest.MonkeyPatch) -> Device:
     device = Device()
-    monkeypatch.setattr(bridge, "ControlLoop", lambda address, patience: Loop(device))
-    monkeypatch.setattr(bridge, "PATIENCE", 0.0)
+    monkeypatch.setattr(connection, "ControlLoop", lambda address, patience: Loop(device))
+    monkeypatch.setattr(connection, "PATIENCE", 0.0)
     return device
 
 

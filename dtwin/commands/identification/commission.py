@@ -2,45 +2,23 @@
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import Annotated, Any
 
 import msgspec
 import tyro
 from rich.console import Console
 from rich.table import Table
 
-from dtwin import __version__
-from dtwin.bus.messages import DECIDE, IDENTIFY
-from dtwin.bus.twin_messages import IdentificationDecision, IdentificationRequest, IdentificationState
+from dtwin.api.commissioning import commission, commission_live
 from dtwin.commands.cell.chain import THESIS
-from dtwin.commands.frame import at_least
-from dtwin.commands.hints import warn_of_places
-from dtwin.commissioning.collection import collect
-from dtwin.commissioning.procedure import Commissioned, Progress, commission
-from dtwin.commissioning.stages import Stages
+from dtwin.commands.frame import arguments_as_options
+from dtwin.commands.hints import warn
 from dtwin.commissioning.words import NINETY_FIVE, load, steps
-from dtwin.errors import CommunicationError, ParameterError, RecordingError, UnansweredError
-from dtwin.files import ensure_writable, reason_of, replacing
-from dtwin.identification.machine.record import MachineRecord, write_record
-from dtwin.logs.log import Log
-from dtwin.logs.reading import read_log
-from dtwin.monitoring.calibration import LEAST
-from dtwin.names import check_name
-from dtwin.parameters import ArmParameters, load_arm
-from dtwin.run.options import CellFileOption
-from dtwin.services.runfile import join
-from dtwin.task import Task, notes_of, task_of
+from dtwin.errors import ParameterError
+from dtwin.identification.machine.record import MachineRecord
 from dtwin.terminal import as_text, print_json, print_table
-
-if TYPE_CHECKING:
-    from dtwin.bus.session import Bus
-
-SHORTEST: Final = 120.0
-"""Shortest motion from which an arm is identified, s."""
 
 
 @dataclass(frozen=True)
@@ -93,30 +71,35 @@ class Commission:
     def execute(self) -> int:
         if self.arm is not None and self.arm != THESIS:
             return self._of_other_arm(self.arm)
-        self._check()
-        arm = load_arm(self.known) if self.known is not None else ArmParameters()
+        if (self.log is None) != self.live:
+            raise ParameterError("expected either a log or --live")
+        if not self.live and self.cell_file is not None:
+            raise ParameterError("--cell-file: expected --live beside it, since a log says where its boxes were")
+        if self.live and self.out is None:
+            raise ParameterError("--live: expected --out, beside which the collected work is kept")
         console = Console(stderr=True, highlight=False)
-        with console.status("beginning") as status:
-
-            def stages(*inputs: object) -> Stages:
-                folder = None if self.out is None else self.out.with_name(f"{self.out.name}.parts")
-                described = msgspec.json.encode([__version__, *inputs, arm]).decode()
-                return Stages(folder, described, lambda text: console.print(as_text(text)))
-
+        with console.status("beginning") as status, arguments_as_options(self):
+            shared: Any = {
+                "known": self.known,
+                "report": self.report,
+                "tell": lambda text: console.print(as_text(text)),
+                "warn": warn,
+                "progress": status.update,
+            }
             if self.log is not None:
-                log = read_log(self.log)
-                warn_of_places(task_of(log.metadata), arm)
-                kept = stages(str(self.log), _digest(self.log))
-                found = commission(kept, log, lambda: log, arm, str(self.log), status.update)
-                self._write(found, status.update)
-                kept.finish()
+                found = commission(self.log, out=self.out, **shared)
             else:
-                task = CellFileOption(cell_file=self.cell_file).task()
-                warn_of_places(task, arm)
-                kept = stages("live", self.cell, self.motion, self.watch, self.excite, notes_of(task))
-                found = self._live(kept, arm, task, status.update)
-                self._write(found, status.update)
-                kept.finish(None if self.out is None else self.out.with_name(f"{self.out.name}.data"))
+                assert self.out is not None
+                found = commission_live(
+                    self.out,
+                    cell=self.cell,
+                    motion=self.motion,
+                    watch=self.watch,
+                    excite=self.excite,
+                    zenoh=self.zenoh,
+                    cell_file=self.cell_file,
+                    **shared,
+                )
         if self.json:
             print_json(msgspec.to_builtins(found.record))
         else:
@@ -132,75 +115,9 @@ class Commission:
                 )
         if self.log is None:
             raise ParameterError("expected a log, which dtwin run --arm or dtwin up --arm writes with --log")
-        from dtwin.commands.identification.commission_arm import commission_arm  # only other arms need MuJoCo
+        from dtwin.commands.identification.commission_arm import print_commissioned  # only other arms need MuJoCo
 
-        return commission_arm(self.log, arm, self.out, self.json)
-
-    def _check(self) -> None:
-        if (self.log is None) != self.live:
-            raise ParameterError("expected either a log or --live")
-        if not self.live and self.cell_file is not None:
-            raise ParameterError("--cell-file: expected --live beside it, since a log says where its boxes were")
-        if self.live and self.out is None:
-            raise ParameterError("--live: expected --out, beside which the collected work is kept")
-        check_name(self.cell, "cell")
-        at_least("--motion", self.motion, SHORTEST)
-        at_least("--watch", self.watch, LEAST)
-        for path, ending in ((self.out, ".json"), (self.report, ".html")):
-            if path is not None:
-                ensure_writable(path, ending)
-
-    def _live(self, stages: Stages, arm: ArmParameters, task: Task, progress: Progress) -> Commissioned:
-        """Commissions the arm of a running cell, whose bus is joined when something is to be collected."""
-
-        def collected(name: str, seconds: float, excite: bool) -> Log:
-            def make(path: Path) -> None:
-                with join(self.cell, self.zenoh) as bus:
-                    if excite:
-                        _excite(bus)
-                    log = collect(bus, seconds, lambda done: progress(f"{name}: {done:.0f} of {seconds:.0f} s"))
-                    if excite:
-                        _let_go(bus)
-                replace(log, metadata={**log.metadata, **notes_of(task)}).write_parquet(path)
-
-            progress(f"{name}: waits for the cell")
-            return read_log(stages.file(f"{name}.parquet", make))
-
-        motion = collected("motion", self.motion, self.excite)
-        source = f"cell {self.cell}: {self.motion:g} s of motion, {self.watch:g} s watched"
-        return commission(stages, motion, lambda: collected("watched", self.watch, False), arm, source, progress)
-
-    def _write(self, found: Commissioned, progress: Callable[[str], None]) -> None:
-        if self.out is not None:
-            write_record(found.record, self.out)
-        if self.report is not None:
-            from dtwin.commissioning.page import report  # Matplotlib takes half a second to load.
-
-            progress("drawing the report")
-            with replacing(self.report) as temporary:
-                temporary.write_text(report(found), encoding="utf-8")
-
-
-def _excite(bus: Bus) -> None:
-    """Asks the identification service to excite the arm as soon as its gripper is empty."""
-    try:
-        bus.ask(IDENTIFY, IdentificationRequest(), IdentificationState)
-    except UnansweredError as error:
-        raise CommunicationError(f"{error} The arm is excited by that service: dtwin up --identification") from None
-
-
-def _let_go(bus: Bus) -> None:
-    """Rejects the model that the identification service proposes, if it does; the signal is what was wanted."""
-    if bus.ask(IDENTIFY, None, IdentificationState).phase == "proposed":
-        bus.ask(DECIDE, IdentificationDecision(accept=False), IdentificationState)
-
-
-def _digest(path: Path) -> str:
-    try:
-        with path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be read: {reason_of(error)}") from None
+        return print_commissioned(self.log, arm, self.out, self.json)
 
 
 def _print(record: MachineRecord, files: list[Path]) -> None:

@@ -9,21 +9,16 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from dtwin.arm.chain import Arm
+from dtwin.api.arm.health import commission_arm
 from dtwin.commissioning.words import NINETY_FIVE
-from dtwin.emulation.chain.arms import arm_of
-from dtwin.errors import RecordingError
-from dtwin.files import ensure_writable
-from dtwin.monitoring.chain.learning import acquainted
-from dtwin.monitoring.chain.record import ArmRecord, record_of, write_arm_record
-from dtwin.run.arm_log import read_arm_log
+from dtwin.monitoring.chain.record import ArmRecord
 from dtwin.terminal import as_text, print_json, print_table
 
 SHOWN = ("rotor", "viscous", "dry friction", "friction with load", "offset")
 """What a table has of every joint, in the order of `Expected.values` after the links."""
 
 
-def commission_arm(log: Path, arm: str, out: Path | None, json: bool) -> int:
+def print_commissioned(log: Path, arm: str, out: Path | None, json: bool) -> int:
     """Learns an arm from a log of its healthy work, keeps what it shows, and prints it.
 
     Args:
@@ -36,28 +31,16 @@ def commission_arm(log: Path, arm: str, out: Path | None, json: bool) -> int:
         RecordingError: the log is too short, or its first half does not foretell its second one.
         DtwinError: arm or log cannot be read, or the record cannot be written.
     """
-    if out is not None:
-        ensure_writable(out, ".json")
-    known = arm_of(arm)
-    rows = read_arm_log(log, known)
-    seconds = float(rows.t[-1] - rows.t[0])
-    try:
-        watch = acquainted(known, rows.t, rows.q, rows.target, rows.effort, seconds - 0.5 * known.period)
-    except RecordingError as error:
-        raise RecordingError(f"{log}: {error}") from None
-    record = record_of(watch, known, round(seconds, 6))
-    if out is not None:
-        write_arm_record(record, out)
+    record = commission_arm(log, arm, out=out)
     if json:
         print_json(msgspec.to_builtins(record))
     else:
-        _print(record, known, out)
+        _print(record, len(record.joints), out)
     return 0
 
 
-def _print(record: ArmRecord, arm: Arm, out: Path | None) -> None:
-    """Prints every joint's numbers with 95 % intervals; those of links are told only together."""
-    n = len(arm)
+def _print(record: ArmRecord, n: int, out: Path | None) -> None:
+    """Prints the numbers of the n joints with 95 % intervals; those of links are told only together."""
     values = np.array(record.values)[10 * n :].reshape(len(SHOWN), n)
     deviations = np.sqrt(np.diag(np.array(record.covariance)))[10 * n :].reshape(len(SHOWN), n)
     table = Table("joint", "number", "value", "95 % interval")

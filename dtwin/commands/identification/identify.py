@@ -4,38 +4,27 @@ from __future__ import annotations
 
 import sys
 import time
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import numpy as np
 import tyro
 from rich.console import Console
 from rich.table import Table
 
-from dtwin.api.identification import Identified, Measured, fitted, measured
-from dtwin.arm.file import file_of
-from dtwin.controller.excitation import ExcitationController
-from dtwin.emulation.chain.arms import arm_of
-from dtwin.emulation.machine.files import machine_of
+from dtwin.api.experiment import identify_experiment
+from dtwin.api.identification import Identified, identify
+from dtwin.commands.frame import arguments_as_options
 from dtwin.errors import ModelError, ParameterError
 from dtwin.files import PICTURE, RECORDING, ensure_writable
-from dtwin.identification.data import Start
-from dtwin.identification.estimation.estimate import NINETY_FIVE, Estimate, EstimationSettings, load_kernels
-from dtwin.identification.excitation.design import optimise
-from dtwin.identification.excitation.plan import HELD_OUT, PLAIN, Plan
-from dtwin.identification.excitation.rig import Rig
-from dtwin.identification.parsing import settings_for
+from dtwin.identification.estimation.estimate import NINETY_FIVE, Estimate
 from dtwin.identification.store import STORE, ModelStore
-from dtwin.logs.reading import read_log
-from dtwin.measurements.columns import read_map
 from dtwin.names import check_name
-from dtwin.parameters import PERIOD, ArmParameters, assignment, load_arm, unit_of
+from dtwin.parameters import PERIOD, unit_of
 from dtwin.pictures import save as save_figure
 from dtwin.run.options import MachineOption
 from dtwin.terminal import as_text, print_json, print_table
-
-_DESIGN_NOISE = 0.003
 
 
 @dataclass(frozen=True)
@@ -54,7 +43,7 @@ class Identify(MachineOption):
     """Encoder noise of the simulated experiment, rad: amplitude (uniform) or standard deviation (gaussian)."""
     noise_kind: Literal["uniform", "gaussian"] = "uniform"
     """uniform adds noise * u with u in [0, 1), so it is biased by half of it; gaussian is not biased."""
-    payload: list[float] = field(default_factory=list)
+    payload: tuple[float, ...] = ()
     """Known load at the tip, kg, 0.2 if not given; repeat it for several runs. With a log, the mass of every box;
     without it motions with a box are left out."""
     payload_model: Literal["weight", "point"] = "weight"
@@ -63,7 +52,7 @@ class Identify(MachineOption):
     """What to estimate: symbols (K, m, I, l, c, D, mu) of all joints, names such as m2, or "all", without mu."""
     friction: Literal["viscous", "coulomb", "both", "auto"] | None = None
     """Friction law to estimate, in place of D and mu of --free; auto takes the law with the least criterion (BIC)."""
-    prior: list[str] = field(default_factory=list)
+    prior: tuple[str, ...] = ()
     """Knowledge of a free parameter from elsewhere, NAME=MEAN+-DEVIATION, such as m2=0.116+-0.001."""
     loss: Literal["adaptive", "gaussian", "huber"] = "adaptive"
     """Likelihood: adapted to the noise's shape, least squares, or robust to outliers."""
@@ -71,7 +60,7 @@ class Identify(MachineOption):
     """Design the simulated experiment's signal first."""
     start: Literal["known", "free"] = "known"
     """Whether the simulated experiment's initial state is known or estimated as well."""
-    set: list[str] = field(default_factory=list)
+    set: tuple[str, ...] = ()
     """A parameter of the simulated arm, NAME=NUMBER."""
     known: Path | None = None
     """JSON file with the parameters that are not estimated, by name; the arm's data sheet if not given."""
@@ -92,11 +81,11 @@ class Identify(MachineOption):
     *.xml). It is identified from the logs alone."""
     tip: str | None = None
     """Last link of the chain (--arm); the end of the longest chain if not given."""
-    also: list[Path] = field(default_factory=list)
+    also: tuple[Path, ...] = ()
     """A further log of the same arm (--arm); repeat it."""
     columns: Path | None = None
     """TOML file that says what the columns of the logs mean (--arm); guessed if not given, see dtwin log show."""
-    load: list[str] = field(default_factory=list)
+    load: tuple[str, ...] = ()
     """What was held in a log (--arm): FILE=KG where it was weighed, FILE=? where it is to be found."""
     out: Path | None = None
     """TOML file for all numbers with intervals (--arm)."""
@@ -112,20 +101,20 @@ class Identify(MachineOption):
     def execute(self) -> int:
         if self.arm is not None:
             return self._chain(self.arm)
-        if self.seed < 0:
-            raise ParameterError(f"--seed: expected a whole number of at least 0, got {self.seed}")
         if self.save is not None:
             check_name(self.save, "model name", ModelError)
         for path, ending in ((self.plot, PICTURE), (self.record, RECORDING)):
             if path is not None:
                 ensure_writable(path, ending)
-        settings = self._settings()
-        with Console(stderr=True).status("measuring") as status:
-            data = self._simulated(settings) if self.log is None else self._from_log(self.log)
-            load_kernels()
-            status.update("estimating")
+        with Console(stderr=True).status("measuring") as status, arguments_as_options(self):
             began = time.perf_counter()
-            found = fitted(data, settings, self.friction)
+
+            def progress(stage: str) -> None:
+                nonlocal began
+                status.update(stage)
+                began = time.perf_counter()
+
+            found = self._identified(progress)
             seconds = time.perf_counter() - began
         kept = self.save is not None and (self.anyway or not found.doubts)
         file = ModelStore(self.store).save(found.model, self.save).path if self.save and kept else None
@@ -140,56 +129,54 @@ class Identify(MachineOption):
             _print(report, found.estimate, "" if kept or self.save is None else self.save)
         return 1 if found.doubts else 0
 
-    def _chain(self, text: str) -> int:
+    def _chain(self, arm: str) -> int:
         """Identifies another arm than the thesis's."""
-        from dtwin.commands.identification.chain import Written, report, samples_of
-        from dtwin.identification.chain.identify import Settings, identify
+        from dtwin.api.arm.identification import identify_arm  # only other arms need their readers
+        from dtwin.commands.identification.chain import report
 
         if self.log is None:
             raise ParameterError("--arm: expected a log, from which the arm is identified")
-        known = file_of(text)
-        known = replace(known, tip=self.tip or known.tip)
-        written = Written(self.out, self.urdf, self.mjcf, self.arm_out)
-        written.check(known.model)
-        arm = arm_of(text, self.tip)
-        columns = None if self.columns is None else read_map(self.columns)
-        with Console(stderr=True).status("reading") as status:
-            samples, masses = samples_of(arm, [self.log, *self.also], self.load, columns)
-            status.update("estimating")
-            found = identify(arm, samples, Settings(masses))
-            written.write(found, known)
-        report(found, samples, self.json)
+        with Console(stderr=True).status("reading") as status, arguments_as_options(self):
+            identified = identify_arm(
+                arm,
+                (self.log, *self.also),
+                tip=self.tip,
+                columns=self.columns,
+                load=self.load,
+                out=self.out,
+                urdf=self.urdf,
+                mjcf=self.mjcf,
+                arm_out=self.arm_out,
+                progress=status.update,
+            )
+        report(identified.found, identified.samples, self.json)
         return 0
 
-    def _settings(self) -> EstimationSettings:
-        known = load_arm(self.known) if self.known is not None else None
-        return settings_for(self.free, known, self.prior, self.loss, self.seed)
-
-    def _simulated(self, settings: EstimationSettings) -> Measured:
-        nominal = ArmParameters().with_values(dict(map(assignment, self.set)))
-        rig = Rig(nominal, self.noise, self.noise_kind, machine=machine_of(self.machine))
-        start = Start(known=self.start == "known")
-        signal = PLAIN
-        generators = [np.random.default_rng(s) for s in np.random.SeedSequence(self.seed).spawn(3)]
-        if self.optimise:
-            plan = Plan(PLAIN, self._loads()[0], self.payload_model, start)
-            signal = optimise(plan, settings.free, settings.known, _DESIGN_NOISE, generators[2]).signal
-        plans = [Plan(signal, load, self.payload_model, start) for load in self._loads()]
-        blocks = ExcitationController()
-        training = tuple(rig.measure(plan, blocks, generators[0]) for plan in plans)
-        held_out = Plan(HELD_OUT, plans[0].payload, self.payload_model)
-        judging = rig.measure(held_out, blocks, generators[1])
-        return Measured(training, (judging,), rig.made, "simulated experiment")
-
-    def _from_log(self, path: Path) -> Measured:
-        log = read_log(path)
-        if len(self.payload) > 1:
-            raise ParameterError(f"--payload: expected one mass of a box for a log, got {len(self.payload)}")
-        known = load_arm(self.known) if self.known is not None else ArmParameters()
-        return measured(log, self.payload[0] if self.payload else None, str(path), known)
-
-    def _loads(self) -> list[float]:
-        return self.payload or [0.2]
+    def _identified(self, progress: Callable[[str], None]) -> Identified:
+        shared: dict[str, Any] = {
+            "free": self.free,
+            "friction": self.friction,
+            "prior": self.prior,
+            "loss": self.loss,
+            "known": self.known,
+            "seed": self.seed,
+            "progress": progress,
+        }
+        if self.log is not None:
+            if len(self.payload) > 1:
+                raise ParameterError(f"--payload: expected one mass of a box for a log, got {len(self.payload)}")
+            return identify(self.log, payload=self.payload[0] if self.payload else None, **shared)
+        return identify_experiment(
+            noise=self.noise,
+            noise_kind=self.noise_kind,
+            payload=self.payload,
+            payload_model=self.payload_model,
+            optimise=self.optimise,
+            start=self.start,
+            set=self.set,
+            machine=self.machine,
+            **shared,
+        )
 
 
 def _record(found: Identified, path: Path) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-import time
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,18 +10,12 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 from rich.table import Table
 
-from dtwin.bus.messages import DECIDE, IDENTIFY
-from dtwin.bus.session import Bus
-from dtwin.bus.twin_messages import DataSource, IdentificationDecision, IdentificationRequest, IdentificationState
-from dtwin.errors import CommunicationError, IdentificationError
+from dtwin.api.live import LiveCell, connect
+from dtwin.bus.twin_messages import DataSource, IdentificationRequest, IdentificationState
 from dtwin.identification.estimation.estimate import NINETY_FIVE
 from dtwin.names import check_name
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters
-from dtwin.services.runfile import join
 from dtwin.terminal import as_text, print_json, print_table, printable
-
-_LOOK = 0.2
-"""s between two looks at the progress"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,34 +56,34 @@ class IdentifyLive:
 
     def execute(self) -> int:
         check_name(self.name, "model name")
-        with join(self.cell, self.zenoh) as bus:
-            request = IdentificationRequest(self.free, self.box_mass, self.source, self.since, self.anew)
-            bus.ask(IDENTIFY, request, IdentificationState)
-            state = self._wait(bus)
-            if state.phase == "refused":
-                raise IdentificationError(state.text)
+        with connect(self.cell, zenoh=self.zenoh) as cell:
+            state = self._identified(cell)
             if not self.json:
                 _print(state)
-            decision = IdentificationDecision(self._accepts(state), self.name, self.upload, self.anyway)
-            state = bus.ask(DECIDE, decision, IdentificationState)
+            state = cell.decide(self._accepts(state), name=self.name, upload=self.upload, anyway=self.anyway)
         if self.json:
             print_json(state)
         else:
             Console().print(as_text(state.text))
         return 0 if state.phase == "accepted" else 1
 
-    def _wait(self, bus: Bus) -> IdentificationState:
-        deadline = time.monotonic() + self.timeout
+    def _identified(self, cell: LiveCell) -> IdentificationState:
         columns = (TextColumn("{task.description}", markup=False), BarColumn())
         with Progress(*columns, console=Console(file=sys.stderr), transient=True) as bar:
             task = bar.add_task("asking", total=None)
-            while time.monotonic() < deadline:
-                state = bus.ask(IDENTIFY, None, IdentificationState)
-                if state.phase in ("proposed", "refused"):
-                    return state
+
+            def progress(state: IdentificationState) -> None:
                 bar.update(task, description=printable(state.text), completed=state.samples, total=state.of or None)
-                time.sleep(_LOOK)
-        raise CommunicationError(f"no model within {self.timeout:g} s; the identification goes on")
+
+            return cell.identify(
+                free=self.free,
+                box_mass=self.box_mass,
+                source=self.source,
+                since=self.since,
+                anew=self.anew,
+                patience=self.timeout,
+                progress=progress,
+            )
 
     def _accepts(self, state: IdentificationState) -> bool:
         if state.doubts and not self.anyway:

@@ -11,10 +11,9 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from dtwin.health.servo import Estimate, findings, servo_health
-from dtwin.measurements.columns import read_map
-from dtwin.measurements.page import oddities, summary
-from dtwin.measurements.reading import read_measurement
+from dtwin.api.health import servo_health
+from dtwin.health.servo import Estimate
+from dtwin.measurements.page import summary
 from dtwin.terminal import as_text, print_json, print_table
 
 
@@ -33,21 +32,21 @@ class HealthCommand:
     """Print one JSON object on standard output and nothing else."""
 
     def execute(self) -> int:
-        found = read_measurement(self.log, None if self.columns is None else read_map(self.columns))
-        joints = servo_health(found)
+        found = servo_health(self.log, columns=self.columns)
         if self.json:
-            said = findings(found, joints)
-            print_json({"joints": [asdict(joint) for joint in joints], "findings": said, "odd": oddities(found)})
+            print_json(
+                {"joints": [asdict(joint) for joint in found.joints], "findings": found.findings, "odd": found.odd}
+            )
             return 0
         console = Console(highlight=False, soft_wrap=True)
-        for line in summary(found):
+        for line in summary(found.log):
             console.print(as_text(line))
         table = Table("joint", "delay, ms", "gain", "error at rest, deg", "up - down, deg", "drift, deg")
-        for joint in joints:
+        for joint in found.joints:
             angles = (_text(estimate, 180.0 / np.pi) for estimate in (joint.at_rest, joint.width, joint.drift))
             table.add_row(joint.name, _text(joint.delay, 1e3), _text(joint.gain, 1.0), *angles)
         print_table(table)
-        for line in [*oddities(found), *findings(found, joints)]:
+        for line in (*found.odd, *found.findings):
             console.print(as_text(line))
         return 0
 

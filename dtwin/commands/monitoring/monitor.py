@@ -7,33 +7,26 @@ import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final
 
 import tyro
 from rich.console import Console
 from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.progress import Progress as Bar
 
-from dtwin.api.monitoring import Monitored, model_of, monitor
+from dtwin.api.monitoring import Compared, Monitored, compare_with_simulation, monitor
 from dtwin.api.run import Run, load
 from dtwin.bus.twin_messages import MonitoringVerdict
 from dtwin.campaign.spread import Progress
 from dtwin.commands.cell.chain import THESIS
+from dtwin.commands.frame import arguments_as_options
 from dtwin.commands.hints import viewer_command
-from dtwin.controller.settings import ControlSettings
-from dtwin.errors import ParameterError, RecordingError
+from dtwin.errors import ParameterError
 from dtwin.files import RECORDING, ensure_writable
 from dtwin.identification.store import STORE
-from dtwin.logs.belonging import check_belonging
 from dtwin.monitoring.chain.sequential import HEALTHY
-from dtwin.monitoring.offline import SECOND, stream
 from dtwin.monitoring.settings import ALARMS_PER_HOUR, Method
-from dtwin.monitoring.thesis import ThesisMonitor, ThesisSettings
-from dtwin.monitoring.trend import Forecast
-from dtwin.monitoring.verdict import Finding
-from dtwin.parameters import ArmParameters
-from dtwin.signals import Event, of_monitor
-from dtwin.task import task_of
+from dtwin.signals import Event
 from dtwin.terminal import as_text, print_json
 
 RECORD: Final = ".json"
@@ -92,15 +85,15 @@ class MonitorCommand:
     def execute(self) -> int:
         if self.arm is not None and self.arm != THESIS:
             return self._of_other_arm(self.arm)
-        if self.commissioned is not None and (self.model is not None or self.method == "thesis"):
-            raise ParameterError("--commissioned: expected no --model beside it, and the default method")
+        if self.commissioned is not None and self.method == "thesis":
+            raise ParameterError("--commissioned: expected the default method")
         if self.record is not None:
             if self.method == "thesis":
                 raise ParameterError("--record: expected the default method, the thesis's has nothing to draw")
             ensure_writable(self.record, RECORDING)
         run = load(self.log)
         began = time.process_time()
-        with _progress(len(run.log), self.json) as bar:
+        with _progress(len(run.log), self.json) as bar, arguments_as_options(self):
 
             def progress(done: int, of: int) -> None:
                 bar.update(bar.task_ids[0], completed=done)
@@ -147,9 +140,12 @@ class MonitorCommand:
             from dtwin.commands.monitoring.chain import monitored
 
             return monitored(self.log, arm, record, self.columns, self.json)
-        from dtwin.commands.monitoring.first_fault import monitor_arm
+        from dtwin.api.arm.health import monitor_arm
+        from dtwin.commands.monitoring.first_fault import print_first_fault
 
-        return monitor_arm(self.log, arm, self.healthy, self.json, record)
+        with arguments_as_options(self):
+            seen = monitor_arm(self.log, arm, healthy=self.healthy, commissioned=record)
+        return print_first_fault(seen, self.json)
 
     def _watched(self, run: Run, progress: Progress) -> Monitored:
         """What the default method makes of a run."""
@@ -162,31 +158,17 @@ class MonitorCommand:
             progress=progress,
         )
 
-    def _compared(self, run: Run, progress: Progress) -> _Compared:
+    def _compared(self, run: Run, progress: Progress) -> Compared:
         """What the thesis's method makes of a run."""
-        check_belonging(str(self.log), run.log, ArmParameters())
-        seen = stream(run.log)
-        if not run.log.columns["box_colour"].any():
-            raise RecordingError(f"{self.log}: column box_colour: the thesis's method needs it, and it tells no box")
-        arm = ArmParameters() if self.model is None else model_of(self.model, self.store).arm
-        task = task_of(run.log.metadata)
-        control = ControlSettings(target_time=self.target_time, payload=task.boxes.middle)
-        thesis = ThesisMonitor(arm, ThesisSettings(self.sample_time, self.step, control), task)
-        for first in range(0, len(seen), SECOND):
-            seen.feed(thesis, first, min(first + SECOND, len(seen)))
-            progress(first, len(seen))
-        found = tuple(thesis.standing())
-        return _Compared(thesis.verdict(), found, found, (), of_monitor(thesis.events))
-
-
-class _Compared(NamedTuple):
-    """What the thesis's method makes of a run, as `Monitored` tells it."""
-
-    verdict: MonitoringVerdict
-    findings: tuple[Finding, ...]
-    history: tuple[Finding, ...]
-    forecasts: tuple[Forecast, ...]
-    events: tuple[Event, ...]
+        return compare_with_simulation(
+            run,
+            model=self.model,
+            store=self.store,
+            sample_time=self.sample_time,
+            step=self.step,
+            target_time=self.target_time,
+            progress=progress,
+        )
 
 
 def _progress(rows: int, quiet: bool) -> Bar:

@@ -2,46 +2,34 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict
 
 import numpy as np
 from rich.table import Table
 
-from dtwin.arm.chain import Arm
-from dtwin.emulation.chain.arms import arm_of
-from dtwin.errors import ParameterError
-from dtwin.run.margins.chain import JointMargins, margins
-from dtwin.run.margins.gears import control_of
+from dtwin.run.margins.chain import JointMargins
 from dtwin.terminal import as_text, print_json, print_table
 
 
-def print_margins(name: str, poses: int, late: float, json: bool) -> int:
-    """Prints the least margins of every joint; returns 1 if a loop is not stable.
-
-    Raises:
-        ParameterError: the arm obeys after a part of a tick.
-    """
-    if late != int(late) or not 0.0 <= late <= 10.0:
-        raise ParameterError(f"--late: expected 0 to 10 whole ticks for the arm of --arm, got {late:g}")
-    arm = arm_of(name)
-    control = control_of(arm, int(late))
-    found = margins(arm, control, poses, late=int(late))
+def print_margins(found: Mapping[str, JointMargins], json: bool) -> int:
+    """Prints the least margins of every joint; returns 1 if a loop is not stable."""
     if json:
-        print_json({joint.name: _figures(one) for joint, one in zip(arm.joints, found, strict=True)})
+        print_json({name: _figures(one) for name, one in found.items()})
     else:
-        print_table(_table(arm, found))
-    return 0 if all(one.stable for one in found) else 1
+        print_table(_table(found))
+    return 0 if all(one.stable for one in found.values()) else 1
 
 
 def _figures(one: JointMargins) -> dict[str, float | bool | None]:
     return {key: value if np.isfinite(value) else None for key, value in asdict(one).items()}
 
 
-def _table(arm: Arm, found: tuple[JointMargins, ...]) -> Table:
+def _table(found: Mapping[str, JointMargins]) -> Table:
     table = Table("joint", "gain of the drive", "phase", "further delay", "modulus", "")
-    for joint, one in zip(arm.joints, found, strict=True):
+    for name, one in found.items():
         values = (
-            joint.name,
+            name,
             f"{one.weakest:.2f} to {one.gain:.2f}",
             f"{np.degrees(one.phase):.0f} deg",
             f"{1e3 * one.delay:.1f} ms",

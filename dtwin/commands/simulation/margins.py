@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 from rich.table import Table
 
-from dtwin.commands.frame import at_least
+from dtwin.api.arm.margins import margins_arm
+from dtwin.commands.frame import arguments_as_options, at_least
 from dtwin.commands.simulation.chain import print_margins
-from dtwin.controller.bounds import check_model
-from dtwin.controller.motion import MotionController
 from dtwin.controller.settings import APPLICATION_LAW, ControlSettings, usual_gains
-from dtwin.identification.store import STORE, ModelStore, open_model
-from dtwin.parameters import ArmParameters, Law, Triple
+from dtwin.errors import ParameterError
+from dtwin.identification.store import STORE
+from dtwin.parameters import Law, Triple
 from dtwin.run.options import CellFileOption, CompensationOptions
-from dtwin.simulation.margins.demands import MARGINS, Case, Shortfall, cases
-from dtwin.simulation.margins.poses import POSES, poses
+from dtwin.simulation.margins.poses import POSES
 from dtwin.terminal import print_json, print_table
+
+if TYPE_CHECKING:
+    from dtwin.api.margins import CaseMargins, CellMargins
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,47 +59,48 @@ class MarginsCommand(CompensationOptions, CellFileOption):
     """Print one JSON object on standard output and nothing else."""
 
     def execute(self) -> int:
-        at_least("--poses", self.poses, 1)
         at_least("--rows", self.rows, 1)
-        if self.arm is not None:
-            return print_margins(self.arm, self.poses, self.late, self.json)
-        at_least("--late", self.late, 0)
-        arm = open_model(self.model, ModelStore(self.store)).arm if self.model is not None else ArmParameters()
-        gains = usual_gains(self.law, self.kp, self.ki, self.kd)
-        settings = ControlSettings(
-            gains=gains,
-            law=self.law,
-            model=self.believed(arm),
-            payload=self.box,
-            compensation=self.compensation(),
-        )
-        check_model(settings.model)
-        judged = [(case, MARGINS.shortfall(case.margins)) for case in self._cases(settings, arm)]
-        judged.sort(key=lambda pair: (pair[1].share if pair[1] else 1.0, pair[0].margins.disk))
-        broken = [pair for pair in judged if pair[1] is not None]
+        with arguments_as_options(self):
+            if self.arm is not None:
+                return self._of_other_arm(self.arm)
+            from dtwin.api.margins import margins  # the cell's simulation, which other arms do without
+
+            found = margins(
+                law=self.law,
+                gains=usual_gains(self.law, self.kp, self.ki, self.kd),
+                friction=self.friction,
+                delay=self.delay,
+                dead_zone=self.dead_zone,
+                bandwidth=self.bandwidth,
+                model=self.model,
+                store=self.store,
+                box=self.box,
+                late=self.late,
+                poses=self.poses,
+                cell_file=self.cell_file,
+            )
         if self.json:
-            print_json(_report(judged))
+            print_json(_report(found))
         else:
-            print_table(_table(judged[: self.rows], len(judged)))
-            print(f"{len(broken)} of {len(judged)} cases have less than what is demanded")
-            for case, reason in broken[:1]:
-                print(f"{case}: {reason.text if reason else ''}")
-        return 1 if broken else 0
+            print_table(_table(found.cases[: self.rows], len(found.cases)))
+            print(f"{len(found.broken)} of {len(found.cases)} cases have less than what is demanded")
+            for one in found.broken[:1]:
+                print(f"{one.case}: {one.shortfall.text if one.shortfall else ''}")
+        return 1 if found.broken else 0
 
-    def _cases(self, settings: ControlSettings, arm: ArmParameters) -> list[Case]:
-        return cases(MotionController(), settings, arm, poses(self.poses, self.task()), self.late)
+    def _of_other_arm(self, arm: str) -> int:
+        if self.late != int(self.late):
+            raise ParameterError(f"--late: expected whole ticks for the arm of --arm, got {self.late:g}")
+        return print_margins(margins_arm(arm, poses=self.poses, late=int(self.late)), self.json)
 
 
-Judged = tuple[Case, Shortfall | None]
-
-
-def _table(judged: list[Judged], count: int) -> Table:
+def _table(judged: Sequence[CaseMargins], count: int) -> Table:
     table = Table(title=f"margins, the worst {len(judged)} of {count} cases")
     table.add_column("pose")
     for name in ("box\nkg", "disk", "gain\ndB", "phase\n°", "delay\nticks", "weaker\n%", "stronger\n%", "peak\nS"):
         table.add_column(name, justify="right")
-    for case, reason in judged:
-        m = case.margins
+    for one in judged:
+        case, m = one.case, one.case.margins
         table.add_row(
             case.pose.name,
             f"{case.payload:g}",
@@ -107,24 +111,24 @@ def _table(judged: list[Judged], count: int) -> Table:
             f"{100 * min(m.weaker):.0f}",
             f"{100 * min(m.stronger):.0f}",
             f"{max(m.sensitivity):.1f}",
-            style="red" if reason else None,
+            style="red" if one.shortfall else None,
         )
     return table
 
 
-def _report(judged: list[Judged]) -> dict[str, Any]:
+def _report(found: CellMargins) -> dict[str, Any]:
     return {
-        "demanded": msgspec.to_builtins(MARGINS),
+        "demanded": msgspec.to_builtins(found.demanded),
         "cases": [
             {
-                "pose": case.pose.name,
-                "theta": case.pose.theta,
-                "payload": case.payload,
-                **msgspec.to_builtins(case.margins),
-                "gain": case.margins.gain,
-                "torque": case.margins.torque,
-                "short": reason.text if reason else "",
+                "pose": one.case.pose.name,
+                "theta": one.case.pose.theta,
+                "payload": one.case.payload,
+                **msgspec.to_builtins(one.case.margins),
+                "gain": one.case.margins.gain,
+                "torque": one.case.margins.torque,
+                "short": one.shortfall.text if one.shortfall else "",
             }
-            for case, reason in judged
+            for one in found.cases
         ],
     }

@@ -12,18 +12,18 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from dtwin.api.simulation import judging_arms, objective_of
-from dtwin.commands.frame import WorkforceOption
+from dtwin.api.optimisation import optimise
+from dtwin.commands.frame import WorkforceOption, arguments_as_options
 from dtwin.commands.simulation.optimise_arm import other_cell, search_arm
 from dtwin.controller.runtime import RuntimeOption
-from dtwin.controller.settings import APPLICATION_LAW, ControlSettings, usual_gains
+from dtwin.controller.settings import APPLICATION_LAW, usual_gains
 from dtwin.errors import ParameterError
 from dtwin.files import PICTURE, ensure_writable, replacing
-from dtwin.identification.store import STORE, ModelStore, open_model
+from dtwin.identification.store import STORE
 from dtwin.parameters import Law, Triple
 from dtwin.run.options import CellFileOption
-from dtwin.simulation.objective import Limits, Objective
-from dtwin.simulation.optimise import Optimum, check_search, optimise
+from dtwin.simulation.objective import Limits
+from dtwin.simulation.optimise import Optimum
 from dtwin.terminal import print_json, print_table
 
 _UNITS = {"time": "s", "tracking": "rad", "energy": "J", "voltage": "V"}
@@ -93,21 +93,33 @@ class Optimise(CellFileOption, RuntimeOption, WorkforceOption):
                 ensure_writable(path, ending)
         if (cell := other_cell(self)) is not None:
             return search_arm(cell, self, dict(map(_weight, self.cost)))
-        workforce = self.workforce()
-        check_search(self.target_time, self.candidates)
-        objective = self._objective()
-        with _progress(self.json) as progress:
+        with _progress(self.json) as progress, arguments_as_options(self):
             task = progress.add_task("", total=self.candidates, best="")
 
             def between(done: int, best: float) -> None:
                 progress.update(task, completed=done, best=f"{best:.4f}" if best < 100 else "none yet")
 
             found = optimise(
-                objective,
-                self.target_time,
+                cost=dict(map(_weight, self.cost)),
+                motion=self.motion,
+                target_time=self.target_time,
+                in_use=self.in_use,
+                law=self.law,
+                gains=usual_gains(self.law, self.kp, self.ki, self.kd),
+                model=self.model,
+                store=self.store,
+                arms=self.arms,
+                box=self.box,
+                noise=self.noise,
+                saturated=self.saturated,
+                overshoot=self.overshoot,
+                tracking=self.tracking,
+                voltage=self.voltage,
                 candidates=self.candidates,
-                workforce=workforce,
+                workers=self.workers,
+                scheduler=self.scheduler,
                 seed=self.seed,
+                cell_file=self.cell_file,
                 between=between,
             )
         if self.plot is not None:
@@ -123,20 +135,6 @@ class Optimise(CellFileOption, RuntimeOption, WorkforceOption):
         else:
             _print(found)
         return 1 if found.best.broken else 0
-
-    def _objective(self) -> Objective:
-        model = open_model(self.model, ModelStore(self.store)) if self.model is not None else None
-        gains = usual_gains(self.law, self.kp, self.ki, self.kd)
-        return objective_of(
-            ControlSettings(self.in_use, gains, self.law),
-            dict(map(_weight, self.cost)),
-            self.motion,
-            self.task(),
-            self.box,
-            self.noise,
-            Limits(self.saturated, self.overshoot, self.tracking, self.voltage),
-            judging_arms(model, self.arms, self.seed),
-        )
 
 
 def _weight(text: str) -> tuple[str, float]:
@@ -155,7 +153,8 @@ def _progress(quiet: bool) -> Progress:
         TextColumn("least cost {task.fields[best]}"),
         TimeRemainingColumn(),
     )
-    return Progress(*columns, console=Console(file=sys.stderr), transient=True, disable=quiet)
+    console = Console(file=sys.stderr)
+    return Progress(*columns, console=console, transient=True, disable=quiet or not console.is_terminal)
 
 
 def _report(found: Optimum) -> dict[str, Any]:

@@ -8,12 +8,10 @@ from typing import Any, Final
 import msgspec
 from rich.table import Table
 
-from dtwin.arm.model import ArmModel
-from dtwin.bus.chain.messages import JointPredicted, JointQuestion
-from dtwin.bus.messages import ARM_PREDICT
-from dtwin.emulation.chain.arms import arm_of
+from dtwin.api.arm.live import connect_arm
+from dtwin.bus.chain.messages import JointPredicted
 from dtwin.errors import ParameterError, choices
-from dtwin.services.runfile import find, join
+from dtwin.services.runfile import find
 from dtwin.terminal import as_text, print_json, print_table, printable
 
 _KNOWN: Final = ("live", "cell", "pole", "observer", "speed", "payload", "model", "json")
@@ -41,10 +39,14 @@ def predict_arm(options: Any) -> int:
             known = choices(f"--{name}" for name in _KNOWN)
             name = field.name.replace("_", "-")
             raise ParameterError(f"--{name}: has no meaning for another arm than the thesis's: expected {known}")
-    model = None if options.model is None else ArmModel.of(arm_of(options.model))
-    question = JointQuestion(options.pole, options.observer, options.speed, options.payload or 0.0, model)
-    with join(options.cell) as bus:
-        found = bus.ask(ARM_PREDICT, question, JointPredicted)
+    with connect_arm(options.cell) as cell:
+        found = cell.predict(
+            pole=options.pole,
+            observer=options.observer,
+            speed=options.speed,
+            payload=options.payload or 0.0,
+            model=options.model,
+        )
     if options.json:
         print_json(msgspec.to_builtins(found))
         return 0

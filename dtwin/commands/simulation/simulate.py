@@ -4,46 +4,30 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from contextlib import nullcontext
+from dataclasses import dataclass, field
 from pathlib import Path
-from queue import Empty, SimpleQueue
-from typing import Any, Final
+from typing import Any
 
 import msgspec
-import numpy as np
 from rich.table import Column, Table
 
-from dtwin.api.live import LiveCell, connect
-from dtwin.api.simulation import motion_case
-from dtwin.bus.messages import VOLTAGES
+from dtwin.api.live import connect
+from dtwin.api.simulation import simulate, simulate_log, vary
+from dtwin.commands.frame import arguments_as_options
 from dtwin.commands.simulation.predict_arm import is_other, predict_arm
 from dtwin.controller.runtime import RuntimeOption
-from dtwin.controller.settings import APPLICATION_LAW, ControlSettings, usual_gains
+from dtwin.controller.settings import APPLICATION_LAW, usual_gains
 from dtwin.emulation.encoders import NoiseKind
-from dtwin.errors import CommunicationError, ParameterError
+from dtwin.errors import ParameterError
 from dtwin.files import PICTURE, ensure_writable
-from dtwin.identification.machine.record import MachineRecord, read_record
-from dtwin.identification.store import STORE, ModelStore, open_model
-from dtwin.logs.belonging import check_belonging
-from dtwin.logs.log import Log
-from dtwin.logs.reading import read_log
-from dtwin.parameters import PERIOD, ArmParameters, Law, Triple
+from dtwin.identification.store import STORE
+from dtwin.parameters import Law, Triple
 from dtwin.run.options import CellFileOption, CompensationOptions
-from dtwin.signals import Sensors, Voltages
-from dtwin.simulation.candidates import vary
-from dtwin.simulation.figures import Figures, triple
-from dtwin.simulation.measured import MotionComparison, compare, find, settings_of
-from dtwin.simulation.places import parse_goal
-from dtwin.simulation.proposal import controllable
-from dtwin.simulation.whatif import MotionCase, Outcome, Simulator
+from dtwin.simulation.figures import Figures
+from dtwin.simulation.measured import MotionComparison
+from dtwin.simulation.whatif import Outcome
 from dtwin.terminal import as_text, print_json, print_table
-from dtwin.twin.effects import NO_EFFECTS, Effects
-
-_SAMPLES = 9
-"""number of samples that the velocity of a running arm is taken from"""
-_PATIENCE: Final = 5.0
-"""Time in which a command of the controller has to come, s."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +70,7 @@ class Simulate(CompensationOptions, CellFileOption, RuntimeOption):
     """Number of the random generator of the noise."""
     duration: float | None = None
     """How long to look at the motion, s; the target time and 2 s more if not given."""
-    set: list[str] = field(default_factory=list)
+    set: tuple[str, ...] = ()
     """A parameter of the simulated arm, e.g. D2=0.1 or mu1=0.02; repeatable. The controller's model stays."""
     model: str | None = None
     """Identified model that is simulated: a file or a name in --store; the data sheet if not given."""
@@ -120,22 +104,15 @@ class Simulate(CompensationOptions, CellFileOption, RuntimeOption):
             raise ParameterError("--pole, --observer, --speed: expected --live and a running cell with another arm")
         if self.plot is not None:
             ensure_writable(self.plot, PICTURE)
-        if self.commissioned is not None and self.model is not None:
-            raise ParameterError("--commissioned: expected no --model beside it")
-        simulator = Simulator(task=self.task())
-        log = read_log(self.log) if self.log is not None else None
-        if log is not None:
-            check_belonging(str(self.log), log, ArmParameters())
-        base, comparison = self._measured(log, simulator) if log is not None else (self._base(), None)
-        if self.live:
-            base = self._from_live(base)
-        cases = {"base": base} | {text: vary(base, text) for text in self.candidate}
-        simulator.run(base)
-        outcomes, seconds = {}, {}
-        for name, case in cases.items():
-            began = time.perf_counter()
-            outcomes[name] = simulator.run(case)
-            seconds[name] = time.perf_counter() - began
+        with arguments_as_options(self):
+            comparison = None if self.log is None else self._measured(self.log)
+            base = self._base() if comparison is None else comparison.predicted
+            vary(base, "", cell_file=self.cell_file)  # A first call takes longer, whatever it computes.
+            outcomes, seconds = {}, {}
+            for name, changes in {"base": "", **{text: text for text in self.candidate}}.items():
+                began = time.perf_counter()
+                outcomes[name] = vary(base, changes, cell_file=self.cell_file)
+                seconds[name] = time.perf_counter() - began
         if self.plot is not None:
             from dtwin.simulation.plots import draw_motions
 
@@ -146,105 +123,43 @@ class Simulate(CompensationOptions, CellFileOption, RuntimeOption):
             _print(outcomes, seconds, comparison)
         return 0
 
-    def _base(self) -> MotionCase:
-        record = self._record
-        arm = record.arm if record else self._arm(self.model, ArmParameters())
-        model = controllable(record) if record else arm
-        control = ControlSettings(
-            self.target_time,
-            usual_gains(self.law, self.kp, self.ki, self.kd),
-            self.law,
-            self.believed(self._arm(self.controller_model, model)),
-            self.task().boxes.middle if self.box is None else self.box,
-            compensation=self.compensation(),
+    def _base(self) -> Outcome:
+        with connect(self.cell) if self.live else nullcontext() as live:
+            return simulate(
+                self.start,
+                self.goal,
+                target_time=self.target_time,
+                law=self.law,
+                gains=usual_gains(self.law, self.kp, self.ki, self.kd),
+                friction=self.friction,
+                delay=self.delay,
+                dead_zone=self.dead_zone,
+                bandwidth=self.bandwidth,
+                payload=self.payload,
+                box=self.box,
+                noise=self.noise,
+                noise_kind=self.noise_kind,
+                seed=self.seed,
+                duration=self.duration,
+                set=self.set,
+                model=self.model,
+                commissioned=self.commissioned,
+                controller_model=self.controller_model,
+                store=self.store,
+                cell_file=self.cell_file,
+                live=live,
+            )
+
+    def _measured(self, log: Path) -> MotionComparison:
+        return simulate_log(
+            log,
+            self.at,
+            payload=self.payload,
+            set=self.set,
+            model=self.model,
+            commissioned=self.commissioned,
+            store=self.store,
         )
-        return replace(
-            motion_case(self.start, self.goal, control, arm, self.payload, self.task()),
-            arm=with_set(arm, self.set),
-            effects=self._effects,
-            noise=self.noise,
-            noise_kind=self.noise_kind,
-            seed=self.seed,
-            duration=self.duration,
-        )
-
-    def _from_live(self, base: MotionCase) -> MotionCase:
-        """The case from where the arm of a running cell is and how fast it is."""
-        with connect(self.cell) as cell:
-            last = _latest(cell)
-            now = cell.settings()
-            holds = _holds_box(cell)
-        settings = replace(base.settings, gains=now.gains, target_time=now.target_time, law=now.law, model=now.model)
-        theta = last[-1].theta
-        # A parabola through several samples: a difference of two would show the encoders' noise.
-        times = PERIOD * np.arange(1 - len(last), 1)
-        speeds = np.polyfit(times, np.array([sample.theta for sample in last]), 2)[1]
-        arm = base.arm if self.model or self.commissioned or self.set else now.model
-        goal = parse_goal(self.goal, arm, theta, self.task())
-        payload = self.payload if self.payload is not None else settings.payload if holds else 0.0
-        return replace(
-            base, goal=goal, settings=settings, theta=theta, omega=triple(speeds), arm=arm, payload=payload
-        )
-
-    def _measured(self, log: Log, simulator: Simulator) -> tuple[MotionCase, MotionComparison]:
-        settings = settings_of(log)
-        arm = self._record.arm if self._record else self._arm(self.model, settings.model)
-        payload = settings.payload if self.payload is None else self.payload
-        motion = find(log, self.at)
-        comparison = compare(log, motion, settings, with_set(arm, self.set), payload, simulator, self._effects)
-        return comparison.predicted.case, comparison
-
-    @cached_property
-    def _record(self) -> MachineRecord | None:
-        return None if self.commissioned is None else read_record(self.commissioned)
-
-    @property
-    def _effects(self) -> Effects:
-        return self._record.effects if self._record else NO_EFFECTS
-
-    def _arm(self, reference: str | None, otherwise: ArmParameters) -> ArmParameters:
-        if reference is None:
-            return otherwise
-        if reference.endswith(".json") or self.store.is_dir():
-            return open_model(reference, ModelStore(self.store)).arm
-        raise ParameterError(f"model {reference!r}: expected a .json file, or a name in a folder of models (--store)")
-
-
-def _latest(cell: LiveCell) -> list[Sensors]:
-    """The latest samples of a running arm, one after the other without a gap."""
-    found: list[Sensors] = []
-    for sample in cell.samples():
-        found = [*found, sample] if found and sample.sequence == found[-1].sequence + 1 else [sample]
-        if len(found) == _SAMPLES:
-            break
-    return found
-
-
-def _holds_box(cell: LiveCell) -> bool:
-    """Whether a running arm holds a box, as its controller says.
-
-    Raises:
-        CommunicationError: no command came in time.
-    """
-    commands: SimpleQueue[Voltages] = SimpleQueue()
-    subscription = cell.bus.subscribe(VOLTAGES, Voltages, commands.put)
-    try:
-        return commands.get(timeout=_PATIENCE).box_gripped
-    except Empty:
-        raise CommunicationError(
-            f"no commands of the controller within {_PATIENCE:g} s; is the cell working?"
-        ) from None
-    finally:
-        subscription.end()
-
-
-def with_set(arm: ArmParameters, assignments: list[str]) -> ArmParameters:
-    """The arm with parameters assigned as NAME=NUMBER.
-
-    Raises:
-        ParameterError: a name or number is wrong.
-    """
-    return vary(MotionCase("pickup", arm=arm), " ".join(assignments)).arm
 
 
 def _report(

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import getpass
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Final
 
 import tyro
 
-from dtwin.arm.model import ArmModel
-from dtwin.bus.chain.messages import JointUpload, JointUploadRequest
-from dtwin.bus.messages import ARM_UPLOAD
-from dtwin.bus.session import Bus
-from dtwin.emulation.chain.arms import arm_of
-from dtwin.errors import CommunicationError, ParameterError
-from dtwin.services.runfile import join
+from dtwin.api.arm.live import LiveArm, connect_arm
+from dtwin.bus.chain.messages import JointUpload
+from dtwin.commands.frame import arguments_as_options
+from dtwin.errors import CommunicationError
 from dtwin.terminal import print_json
 
 _LOOK: Final = 0.2
@@ -57,27 +53,27 @@ class UploadArm:
     """Zenoh configuration file, for a cell on another machine."""
 
     def execute(self) -> int:
-        given = {name: value for name in ("pole", "observer", "speed") if (value := getattr(self, name)) is not None}
-        if (self.file is None and not given) == (self.version is None):
-            raise ParameterError("upload arm: expected a file, --pole, --observer or --speed, or --version alone")
-        model = None if self.file is None else ArmModel.of(arm_of(self.file))
-        with join(self.cell, self.zenoh) as bus:
-            now = bus.ask(ARM_UPLOAD, None, JointUpload)
-            based_on = now.version if self.based_on is None else self.based_on
-            tuning = replace(now.tuning, **given) if given else None
-            who = self.who or getpass.getuser()
-            request = JointUploadRequest(who, self.why, based_on, model, self.version, tuning)
-            answer = bus.ask(ARM_UPLOAD, request, JointUpload)
+        with arguments_as_options(self), connect_arm(self.cell, zenoh=self.zenoh) as cell:
+            answer = cell.upload_arm(
+                model=self.file,
+                pole=self.pole,
+                observer=self.observer,
+                speed=self.speed,
+                version=self.version,
+                based_on=self.based_on,
+                why=self.why,
+                who=self.who or None,
+            )
             print_json(answer)
-            return self._outcome(bus, answer) if self.wait else 0
+            return self._outcome(cell, answer) if self.wait else 0
 
-    def _outcome(self, bus: Bus, answer: JointUpload) -> int:
+    def _outcome(self, cell: LiveArm, answer: JointUpload) -> int:
         """Waits until the trial is over."""
         deadline = time.monotonic() + _PATIENCE
         while answer.on_trial:
             if time.monotonic() > deadline:
                 raise CommunicationError(f"the trial of version {answer.version} goes on after {_PATIENCE:g} s")
             time.sleep(_LOOK)
-            answer = bus.ask(ARM_UPLOAD, None, JointUpload)
+            answer = cell.arm_settings()
         print_json(answer)
         return 0 if answer.action == "confirm" else 1

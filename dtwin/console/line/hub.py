@@ -9,7 +9,7 @@ from typing import Final
 from dtwin.bus.line.messages import FlowEffect, LinePlan, LineState, SetUpQuestion
 from dtwin.bus.line.plant import PlantState
 from dtwin.bus.line.topics import LINE_LOOK, LINE_PLAN, LINE_PREDICT, LINE_STATE, PLANT_STATE
-from dtwin.bus.messages import EVENTS, STATUS, SUMMARY, Status, Summary
+from dtwin.bus.messages import SUMMARY, Summary
 from dtwin.bus.proposals.deciding import LINE
 from dtwin.bus.proposals.messages import LineLook
 from dtwin.bus.session import Bus
@@ -21,9 +21,9 @@ from dtwin.console.line.desks import ZoneOccupancy
 from dtwin.console.line.faces import LineFace
 from dtwin.console.line.plant import as_plant_tells, nothing_told
 from dtwin.console.line.stations import StationFace, Stations
+from dtwin.console.motion import Motion
 from dtwin.console.telling import CellState, Frame
 from dtwin.errors import CommunicationError
-from dtwin.signals import Event
 
 LINE_ARM: Final = "line"
 """What stands in the place of an arm in the keys of a line."""
@@ -63,11 +63,12 @@ class LineHub(Hub):
     patience = PATIENCE
 
     def __init__(self, bus: Bus, line: str, clocks: Clocks) -> None:
-        super().__init__(bus, line, LINE_ARM, clocks)
+        super().__init__(bus, line, LINE_ARM, clocks, motion=Motion(bus, clocks))
         self.desk = self.desks = ZoneOccupancy(bus)
         self._read = False
         self._began = clocks.steady()
         self._state: LineState | None = None
+        self._heard = (0.0, 0.0)
         self._plant: tuple[PlantState, float, float] | None = None
         self._trend: deque[tuple[float, float]] = deque(maxlen=TREND)
         self._expected: FlowEffect | None = None
@@ -76,16 +77,15 @@ class LineHub(Hub):
 
     def listen(self) -> None:
         """Subscribes to what is published, and begins to ask for the rest."""
-        self._bus.subscribe(STATUS, Status, self._take_status)
-        self._bus.subscribe(EVENTS, Event, self._take_event)
+        self._events.listen(self._bus)
         self._bus.subscribe(PLANT_STATE, PlantState, self._take_plant)
-        self._bus.watch_alive(self._take_token)
-        self._asking.start()
+        self._presence.listen(self._bus)
+        self._answers.start()
 
     def follow_path(self, wanted: bool) -> None:
         """Asks more often while a page is open."""
         if wanted and not self._read:
-            self._news.set()
+            self._answers.ask_now()
         self._read = wanted
 
     def watch(self, names: frozenset[str]) -> None:
@@ -114,12 +114,12 @@ class LineHub(Hub):
 
     def state(self) -> CellState:
         """How the line does."""
-        state, look, plant = self._shown(), self._last.get(LineLook), self._plant_alone()
+        state, look, plant = self._shown(), self._answers.last(LineLook), self._plant_alone()
         proposals = () if look is None else look.proposals
         lost = self._lost()
         face = LineFace(
             state,
-            self._last.get(LinePlan),
+            self._answers.last(LinePlan),
             self.desks.desks or (),
             tuple(self._trend),
             self._expected,
@@ -127,13 +127,13 @@ class LineHub(Hub):
             not self._is_there(),
         )
         opened = sum(each.state == "open" for each in proposals)
-        services = self._services()
+        services = self._presence.services(self._answers.last(Summary))
         return CellState(
             *self._names,
             doing=_doing(state),
             services=services,
             proposals=proposals,
-            events=tuple(self._events),
+            events=self._events.last(),
             conditions=conditions(state, services, lost, opened, plant is not None),
             line=face,
         )
@@ -183,28 +183,28 @@ class LineHub(Hub):
         if self._plant_alone() is not None:
             self._enter_trend(plant.time, plant.rate)
 
-    def _ask_all(self) -> None:
-        while not self._over.is_set():
-            state = self._ask(LINE_STATE, LineState) if self._is_there() else None
-            if state is not None:
-                self._take_state(state)
-            if self.is_here(PLANT):
-                self._ask_summary()
-            self.desks.look(self._is_there())
-            if state is not None:
-                self._ask(LINE_LOOK, LineLook)
-                if self._read and LinePlan not in self._last:
-                    self._ask(LINE_PLAN, LinePlan)
-                self._ask_expected(state)
-            self._news.wait(ASKING if self._read else ASKING_UNREAD)
-            self._news.clear()
+    def _ask_round(self) -> float:
+        """Asks for everything once; returns the time until the next round, s."""
+        answers = self._answers
+        state = answers.ask(LINE_STATE, LineState) if self._is_there() else None
+        if state is not None:
+            self._take_state(state)
+        if self.is_here(PLANT) and answers.ask(SUMMARY, Summary, SUPERVISOR_PATIENCE) is None:
+            answers.forget(Summary)  # That nobody answers must not make what is known of the line old.
+        self.desks.look(self._is_there())
+        if state is not None:
+            answers.ask(LINE_LOOK, LineLook)
+            if self._read and LinePlan not in answers:
+                answers.ask(LINE_PLAN, LinePlan)
+            self._ask_expected(state)
+        return ASKING if self._read else ASKING_UNREAD
 
     def _take_state(self, state: LineState) -> None:
         before = self._state
         if before is None or state.time < before.time or state.name != before.name:
             # Another line, or the same from its beginning: what was known of the one before counts no more.
             self._trend.clear()
-            self._last.pop(LinePlan, None)
+            self._answers.forget(LinePlan)
             self._expected = self._asked_for = None
         self._enter_trend(state.time, state.rate)
         self._state, self._heard = state, (self._clocks.steady(), self._clocks.wall())
@@ -212,13 +212,6 @@ class LineHub(Hub):
     def _enter_trend(self, time: float, rate: float) -> None:
         if time - (self._trend[-1][0] if self._trend else -math.inf) >= TREND_EVERY:
             self._trend.append((round(time, 1), round(rate, 1)))
-
-    def _ask_summary(self) -> None:
-        """Asks how the processes do; that nobody answers must not make what is known of the line old."""
-        try:
-            self._last[Summary] = self._bus.ask(SUMMARY, None, Summary, SUPERVISOR_PATIENCE)
-        except CommunicationError:
-            self._last.pop(Summary, None)
 
     def _ask_expected(self, state: LineState) -> None:
         """Asks what the twins expect, once for each set-up and what the arms can still do."""

@@ -12,7 +12,7 @@ from dtwin.bus.chain.messages import JointCommands, JointSensors
 from dtwin.bus.messages import JOINT_COMMANDS, JOINT_SENSORS, PATH, SENSORS, VOLTAGES, Path
 from dtwin.bus.pairs import Pairs
 from dtwin.bus.session import Bus, Subscription
-from dtwin.console.hub import BEHIND
+from dtwin.console.motion import BEHIND
 from dtwin.console.telling import Frame
 from dtwin.signals import Sensors, Voltages
 

@@ -88,11 +88,12 @@ class MachinePlant(Plant):
         for i, link in enumerate(self._links):
             model.body_ipos[link, 2] = machine.structure.com_offset[i]
             model.actuator_biasprm[i, 2] = -parameters.voltage_constant[i] * machine.drive.back_emf[i]
-        self._loss = parameters.coulomb
         for dof, coulomb in zip(self._friction_dofs, parameters.coulomb, strict=True):
             model.dof_frictionloss[dof] = coulomb
-        first, second, third = (max(s - c, 0.0) for s, c in zip(machine.transmission.static, self._loss, strict=True))
-        self._excess = (first, second, third)
+        gear = machine.transmission
+        excess = [max(s - c, 0.0) for s, c in zip(gear.static, parameters.coulomb, strict=True)]
+        curve = zip(self._friction_dofs, parameters.coulomb, excess, gear.stribeck_velocity, strict=True)
+        self._stribeck = list(curve) if any(excess) else []
         super().set_parameters(parameters)
         self._rubs = False
 
@@ -169,22 +170,13 @@ class MachinePlant(Plant):
 
     def _glide(self, steps: int) -> None:
         """Steps MuJoCo under one command."""
-        if not any(self._excess):
+        if not self._stribeck:
             self._step_model(steps)
         else:
             losses, speeds = self.model.dof_frictionloss, self.data.qvel
-            curve = list(
-                zip(
-                    self._friction_dofs,
-                    self._loss,
-                    self._excess,
-                    self._machine.transmission.stribeck_velocity,
-                    strict=True,
-                )
-            )
             for _ in range(steps):
                 now = speeds.tolist()
-                for dof, loss, excess, velocity in curve:
+                for dof, loss, excess, velocity in self._stribeck:
                     losses[dof] = loss + excess * math.exp(-((now[dof] / velocity) ** 2))
                 self._step_model(1)
         self.steps += steps

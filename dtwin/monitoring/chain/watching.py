@@ -3,7 +3,8 @@
 What the identified arm does not explain of the torque is told apart by how long it lasts. What is there all the time
 the arm moves is explained by a change of each drive's constant, of friction, and of the load in the hand, in robust
 least squares (Huber 1964), whose intervals count stretches of two seconds as one. What comes and goes within seconds
-and is far larger than anything in the log that was identified is a push.
+and is far larger than anything in the log that was identified is a push. The limits were chosen on the logs of a
+UR10e that docs/real-logs.md tells of.
 """
 
 from __future__ import annotations

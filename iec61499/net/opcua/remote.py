@@ -22,7 +22,7 @@ from iec61499.net.opcua.identifiers import Action, Place
 from iec61499.net.opcua.own import ERRORS, UNDER_WAY, Together
 from iec61499.net.opcua.security import application_uri
 from iec61499.net.opcua.server import identifier
-from iec61499.net.opcua.structures import any_converters, bind_remote
+from iec61499.net.opcua.structures import AnyConverter, any_converters, bind_remote
 from iec61499.net.opcua.thread import LoopThread
 from iec61499.net.settings import Peer
 
@@ -149,13 +149,11 @@ class RemoteChannel:
         self._client: Client | None = None
         self._nodes: list[Node] = []
         self._parent: Node | None = None
-        self._subscription: Any = None
-        self._together = Together(inlet)
         self._told = ""
         self._under_way = 0
         self._sends = any_converters(inlet.port.sends)
         self._receives = any_converters(inlet.port.receives)
-        self._values = [kind.default for kind in inlet.port.receives]
+        self._subscription = Subscription(inlet, self._receives)
         inlet.put(inlet.port.confirm_open)
         thread.submit(connection.add(self))
 
@@ -186,8 +184,7 @@ class RemoteChannel:
             await self._bind(client)
             self._client = client
             if self._action.name == "SUBSCRIBE":
-                self._subscription = await client.create_subscription(PUBLISHING, self)
-                await self._subscription.subscribe_data_change(list(dict.fromkeys(self._nodes)), queuesize=1)
+                await self._subscription.begin(client, self._nodes)
         except ERRORS as error:
             if str(error) != self._told:
                 self._told = str(error)
@@ -215,28 +212,13 @@ class RemoteChannel:
     def lost(self) -> None:
         """The connection has gone."""
         self.is_prepared = False
-        self._client = self._parent = self._subscription = None
+        self._client = self._parent = None
+        self._subscription.lost()
 
     async def leave(self) -> None:
         """Ends a subscription."""
         self.is_prepared = False
-        if self._subscription is not None:
-            with contextlib.suppress(*ERRORS):
-                await asyncio.wait_for(self._subscription.delete(), WATCH)
-
-    def datachange_notification(self, node: Node, value: Any, data: Any) -> None:
-        """A variable has got a value; called by the library."""
-        status = data.monitored_item.Value.StatusCode
-        places = [number for number, each in enumerate(self._nodes) if each == node]
-        try:
-            if status is not None and not status.is_good():
-                raise CommunicationError(f"{node}: {status.name}")
-            for number in places:
-                self._values[number] = self._receives[number].decode(data.monitored_item.Value.Value)
-        except CommunicationError as error:
-            self._inlet.refuse("RECV_FAILED", str(error))
-        else:
-            self._together.deliver(self._values)
+        await self._subscription.end()
 
     async def _exchange(self, variants: Sequence[ua.Variant]) -> None:
         try:
@@ -275,6 +257,53 @@ class RemoteChannel:
         if len(results) != len(self._receives):
             raise CommunicationError(f"the method gives {len(results)} values, expected {len(self._receives)}")
         return list(results)
+
+
+class Subscription:
+    """Variables of another server whose changes are told to a block.
+
+    Args:
+        inlet: where values of all variables together go.
+        receives: converters of their values.
+    """
+
+    def __init__(self, inlet: Inlet, receives: Sequence[AnyConverter]) -> None:
+        self._inlet = inlet
+        self._receives = receives
+        self._together = Together(inlet)
+        self._values = [kind.default for kind in inlet.port.receives]
+        self._nodes: list[Node] = []
+        self._made: Any = None
+
+    async def begin(self, client: Client, nodes: list[Node]) -> None:
+        """Subscribes to nodes, one for each value. Raises what is in ERRORS."""
+        self._nodes = nodes
+        self._made = await client.create_subscription(PUBLISHING, self)
+        await self._made.subscribe_data_change(list(dict.fromkeys(nodes)), queuesize=1)
+
+    def lost(self) -> None:
+        """The connection has gone, and the subscription with it."""
+        self._made = None
+
+    async def end(self) -> None:
+        """Ends the subscription, if there is one."""
+        if self._made is not None:
+            with contextlib.suppress(*ERRORS):
+                await asyncio.wait_for(self._made.delete(), WATCH)
+
+    def datachange_notification(self, node: Node, value: Any, data: Any) -> None:
+        """A variable has got a value; called by the library."""
+        status = data.monitored_item.Value.StatusCode
+        places = [number for number, each in enumerate(self._nodes) if each == node]
+        try:
+            if status is not None and not status.is_good():
+                raise CommunicationError(f"{node}: {status.name}")
+            for number in places:
+                self._values[number] = self._receives[number].decode(data.monitored_item.Value.Value)
+        except CommunicationError as error:
+            self._inlet.refuse("RECV_FAILED", str(error))
+        else:
+            self._together.deliver(self._values)
 
 
 async def _node(client: Client, place: Place) -> Node:

@@ -8,7 +8,6 @@ in how long they wait for the command: until the tick is over on the wall clock 
 from __future__ import annotations
 
 import logging
-import math
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
@@ -31,10 +30,10 @@ from dtwin.bus.messages import (
 from dtwin.bus.topics.topic import Topic
 from dtwin.errors import CommunicationError, DivergenceError, DtwinError
 from dtwin.services.parts.gate import STALE, Gate
-from dtwin.services.parts.latencies import Latencies
 from dtwin.services.parts.missed.leaving import Recorded
 from dtwin.services.parts.pace import Pace
 from dtwin.services.parts.paced.machine import Machine, Timed
+from dtwin.services.parts.paced.timing import Timing
 from dtwin.services.service import Service
 from dtwin.signals import Event, EventKind
 
@@ -42,8 +41,6 @@ log = logging.getLogger(__name__)
 
 REPEAT: Final = 0.2
 """Time after which a sample that nobody answers is published again, s."""
-_REMEMBERED: Final = 256
-"""Number of samples whose times are kept, for the latency of commands that come late."""
 REQUEST_TIMEOUT: Final = 4.0
 """Longest time that a request waits for its turn between two ticks, s."""
 R = TypeVar("R")
@@ -79,19 +76,15 @@ class Paced(ABC, Generic[S, C]):
         bus = service.bus
         self._service = service
         self._machine = machine
-        self._period = period
         self._pace = pace
         self._gate = Gate(bus.refuse, stale)
-        self._latencies = Latencies()
-        self._late = 0
-        self._sent = [0.0] * _REMEMBERED
+        self._timing = Timing(period)
         self._obeyed: C | None = None
         self._gate.restart(machine.read().sequence)
         self._state: State = "waiting"
         self._anew = False
         self._trouble = trouble
         self._rivals_told = False
-        self._began: tuple[float, float] | None = None
         self._recorded = Recorded(service) if pace != "realtime" else None
         # A recorder must see every tick of a lockstep run, even if that slows the run down.
         self._publish_event: Callable[[Event], None] = bus.publisher(EVENTS, lossless=pace != "realtime")
@@ -115,7 +108,7 @@ class Paced(ABC, Generic[S, C]):
         """Publishes a sample, and what else is known at its time."""
 
     @abstractmethod
-    def tell_what_acts(self, sample: S, command: C, answers: bool) -> None:
+    def publish_acting(self, sample: S, command: C, answers: bool) -> None:
         """Tells which command acts in this tick, and whether it is the answer to its sample."""
 
     @abstractmethod
@@ -153,33 +146,30 @@ class Paced(ABC, Generic[S, C]):
     def _wait_for_recorder(self, recorded: Recorded) -> None:
         """Stays until the recorder has the rows of the whole run."""
         # The row of a sample is there only when the next one has come, or at the end of the recorder.
-        last = self._machine.read().time - 2.5 * self._period
+        last = self._machine.read().time - 2.5 * self._timing.period
         if not recorded.wait(last, lambda: self._report("stopping") if self._service.report_due() else None):
             log.warning("the recorder has not said that it has the whole run")
 
     def _tick(self, sensors: S, due: float) -> float:
         """One tick that should begin at `due`; returns when the next one should."""
         began = time.monotonic()
-        self._sent[sensors.sequence % _REMEMBERED] = began
+        self._timing.sent(sensors.sequence, began)
         self.publish_sample(sensors)
         for event in self._machine.drain_events():
             self._publish_event(event)
         if self._pace == "realtime" and self._gate.commanded:
-            if began - due > self._period:
-                self._late += 1
-                due = began
-            due += self._period
+            due = self._timing.end_of_tick(began, due)
             self._collect(due)
         elif self._pace == "free" and self._gate.commanded:
             self._collect(began)
         else:
             self._wait(sensors)
-            due = time.monotonic() + self._period
+            due = time.monotonic() + self._timing.period
         if self._anew or self._service.stopping:
             self._anew = False
             return time.monotonic()
         acts = self._machine.command
-        self.tell_what_acts(sensors, acts, acts is self._obeyed and acts.sequence == sensors.sequence)
+        self.publish_acting(sensors, acts, acts is self._obeyed and acts.sequence == sensors.sequence)
         try:
             self._machine.advance()
         except DivergenceError as error:
@@ -197,7 +187,7 @@ class Paced(ABC, Generic[S, C]):
         while not self._gate.answered and not self._anew:
             now = time.monotonic()
             if now >= until and self._service.inbox.empty():
-                self._late += self._pace == "realtime" and self._state != "safe"
+                self._timing.late += self._pace == "realtime" and self._state != "safe"
                 break
             self._deal_with_next(until - now)
         if self._gate.is_stale(time.monotonic()) and self._state != "safe":
@@ -231,27 +221,20 @@ class Paced(ABC, Generic[S, C]):
             item()
             return
         came, command, sender = item
-        if not self._gate.admit(command, came, self._sent_at(command.sequence)):
+        sent = self._timing.sent_at(command.sequence, self._gate.expected)
+        if not self._gate.admit(command, came, sent):
             if self._gate.rivals:
                 self._tell_rivals("two publishers of voltages: the first answer to each sample counts")
             return
-        if self._began is not None:
-            now = time.monotonic()
-            self._latencies.add(now - self._sent_at(command.sequence), now)
+        self._timing.answered(sent, came, self._machine.read().time)
         if self._state == "safe":
             self._announce(EventKind.RESUMED, "commands have come back: the arm obeys them again")
         self._state = "running"
-        if self._began is None:
-            self._began = (came, self._machine.read().time)
         self._obeyed = command
         if self._machine.latch.passes(sender):
             self._machine.obey(command)
         else:
             self._machine.hold_off(command)
-
-    def _sent_at(self, sequence: int) -> float:
-        """When a sample was published; of one whose time is not kept, when the oldest of the others was."""
-        return self._sent[max(sequence, self._gate.expected - _REMEMBERED + 1) % _REMEMBERED]
 
     def _make_safe(self) -> None:
         self._state = "safe"
@@ -296,7 +279,7 @@ class Paced(ABC, Generic[S, C]):
         self._machine.restart(seed)
         self._gate.restart(0)
         self._state = "waiting"
-        self._began = None
+        self._timing.restart()
 
     def _latch(self, request: LatchRequest) -> LatchState:
         latch = self._machine.latch
@@ -335,15 +318,13 @@ class Paced(ABC, Generic[S, C]):
 
     def _report(self, state: State) -> None:
         sensors = self._machine.read()
-        wall, plant = self._began or (math.inf, 0.0)
-        elapsed = time.monotonic() - wall
         stopped = self._machine.latch.latched.stop != "none"
         self._service.report(
             "stopped" if stopped and state in ("waiting", "running") else state,
             sensors.sequence,
             time=sensors.time,
-            late_ticks=self._late,
-            real_time_factor=round((sensors.time - plant) / elapsed, 4) if elapsed > 0 else 0.0,
-            latency_ms=self._latencies.summary(),
+            late_ticks=self._timing.late,
+            real_time_factor=self._timing.real_time_factor(sensors.time),
+            latency_ms=self._timing.latencies.summary(),
             **self.figures(),
         )

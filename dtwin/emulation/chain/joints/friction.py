@@ -1,0 +1,76 @@
+"""The friction of an emulated arm: viscous, Coulomb, and what grows with the load that a gear carries."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import mujoco
+import numpy as np
+
+from dtwin.arm.chain import Arm, Array
+from dtwin.emulation.chain.joints.failing import Failing
+from dtwin.emulation.chain.model import Gears
+
+LOCKED: Final = 1e5
+"""Friction of a joint that is locked, N m or N: no drive moves it."""
+_RIGID: Final = 0.9999
+"""Impedance of the friction of a joint that is locked, the largest that MuJoCo has. With the usual one, 0.9, a joint
+creeps by a tenth of what its drive would have it do, as fast as 0.3 rad/s."""
+
+
+class JointFriction:
+    """The friction of n joints, in the model of the arm.
+
+    Args:
+        arm: the arm.
+        model: its model.
+        gears: its gears.
+        dry: whether Coulomb friction, and friction that grows with the load, act.
+
+    Attributes:
+        loaded: whether any friction grows with the load.
+    """
+
+    def __init__(self, arm: Arm, model: mujoco.MjModel, gears: Gears, dry: bool) -> None:
+        self._model = model
+        self._gears = gears
+        self._rotor = np.array([joint.actuator.rotor or 0.0 for joint in arm.joints])
+        self._coulomb = np.array([joint.friction.coulomb for joint in arm.joints])
+        self._share = np.array([joint.friction.load for joint in arm.joints])
+        self._damping = np.array(model.dof_damping[gears.motor])
+        self._impedance = np.array(model.dof_solimp[: len(arm), :2])
+        self._dry = dry
+        self.loaded = bool(dry and self._share.any())
+        if dry:
+            model.dof_frictionloss[gears.motor] = self._coulomb
+
+    @property
+    def of_gears(self) -> tuple[Array, Array, Array] | None:
+        """Inertia of the rotors (kg m^2), Coulomb friction (N m or N) and friction in parts of what the gears carry,
+        (n,) each; None where no friction grows with the load."""
+        return (self._rotor, self._coulomb, self._share) if self.loaded else None
+
+    def fail(self, failing: Failing) -> None:
+        """Lets faults change viscous friction, and how stiffly a joint is held that is locked."""
+        self._model.dof_damping[self._gears.motor] = self._damping * failing.friction
+        held = failing.locked
+        self._model.dof_solimp[: len(held), :2] = np.where(held[:, None], _RIGID, self._impedance)
+
+    def every_step(self, failing: Failing) -> bool:
+        """Whether dry friction is another one in each integration step."""
+        return self._dry and (self.loaded or bool(failing))
+
+    def set_dry(self, data: mujoco.MjData, failing: Failing) -> None:
+        """Sets the dry friction for the next integration step, from what the gears carry."""
+        loss: Array = np.zeros(len(self._rotor))
+        if self._dry:
+            carried = self._gears.carried(data, self._rotor)
+            loss = failing.friction * (self._coulomb + self._share * carried)
+        dry = self._model.dof_frictionloss
+        if self._gears.elastic:
+            dry[:] = 0.0
+            dry[self._gears.motor] = loss
+            dry = dry[: len(loss)]
+        else:
+            dry[:] = loss
+        dry[failing.locked] = LOCKED
