@@ -16,9 +16,10 @@ from dtwin.line.file import line_of
 from dtwin.line.run import LineRun, LineSettings
 from dtwin.line.station import FREE, HOLDING, EmulatedStation, Input, WorkTimes, replayed, settings_text
 from dtwin.line.twins import zone
+from dtwin.line.twins.ability import Capability
 from dtwin.line.twins.decisions import Mode
 from dtwin.line.twins.guard import Guard, Hands
-from dtwin.line.twins.node import Capability, NodeTwin
+from dtwin.line.twins.node import NodeTwin
 from dtwin.line.twins.rehearsal import rehearsed, rehearsed_anew
 from dtwin.line.twins.zone import ZoneTwin
 from dtwin.monitoring.kinds import parse_fault_id
@@ -177,7 +178,7 @@ def looked(
     did: list[str] = []
     hands = Hands(
         lambda station, state, why: did.append(f"stop {state}"),
-        lambda station, settings, why: did.append(f"{settings.target_time:g} s"),
+        lambda station, settings, why: did.append(settings.text()),
         lambda station: {(place, 0.21) for place in needed},
         lambda station: None,
         lambda decision: None,
@@ -187,11 +188,12 @@ def looked(
 
 
 SOME = Capability("some places", ("blue", "red"), "weak", ArmSettings(2.2, HEALTHY), rehearsed(PLAN))
+SOME_TEXT = "a model of that, and 2.2 s for a motion"
 
 
 def test_an_arm_goes_on_only_if_it_reaches_the_places_where_its_boxes_belong() -> None:
     did, reasons, guard = looked(SOME, {"red"})
-    assert (did, reasons) == (["2.2 s"], ["a2 can do some places"])
+    assert (did, reasons) == ([SOME_TEXT], ["a2 can do some places"])
     assert guard.capability("a2").places == ("blue", "red")
     did, reasons, guard = looked(SOME, {"red", "green"})
     assert (did, reasons) == (["stop failed"], ["a2 can do nothing"])
@@ -201,7 +203,7 @@ def test_an_arm_goes_on_only_if_it_reaches_the_places_where_its_boxes_belong() -
     assert guard.look("a2", None, FREE, 0, 11.0) == [], "what is found of it later changes nothing of that"
     assert guard.capability("a2").places == ()
     did, reasons, _ = looked(replace(SOME, ability="all"), {"red"})
-    assert (did, reasons) == (["2.2 s"], []), "there is no reason to share the work out otherwise"
+    assert (did, reasons) == ([SOME_TEXT], []), "there is no reason to share the work out otherwise"
     assert looked(SOME, {"red"}, mode="propose")[0] == []
 
 
@@ -214,7 +216,7 @@ def test_an_arm_gets_other_settings_between_two_boxes() -> None:
     assert did == []
     node.rests = True
     guard.look("a2", None, FREE, 0, 12.0)
-    assert did == ["2.2 s"]
+    assert did == [SOME_TEXT]
 
 
 def test_an_arm_that_new_settings_make_worse_is_stopped() -> None:
@@ -223,7 +225,7 @@ def test_an_arm_that_new_settings_make_worse_is_stopped() -> None:
     assert isinstance(node, FakeNode)
     node.doubt = "with the settings on trial it was 200 mrad from its path"
     assert guard.look("a2", None, FREE, 0, 40.0, SOME.settings) == ["a2 can do nothing"]
-    assert did == ["2.2 s", "stop failed"]
+    assert did == [SOME_TEXT, "stop failed"]
     assert "200 mrad" in guard.capability("a2").why
 
 
