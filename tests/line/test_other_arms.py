@@ -14,7 +14,7 @@ import pytest
 from dtwin.arm.adjustment import Adjustment
 from dtwin.arm.model import ArmTuning
 from dtwin.bus.chain.messages import JointCommands, JointSensors, JointTick, JointTicks
-from dtwin.bus.line.plant import ArmSettings, JointSettings, PlantState
+from dtwin.bus.line.plant import ArmSettings, JointSettings, PlantState, Settings, StationAbility, ZoneState
 from dtwin.bus.line.topics import PLANT_SET_UP
 from dtwin.bus.messages import FAULT, JOINT_SENSORS, Done, FaultRequest
 from dtwin.bus.opening import open_peer
@@ -26,6 +26,7 @@ from dtwin.line.file import line_of
 from dtwin.line.floor import Floor
 from dtwin.line.line import Line
 from dtwin.line.live.chain import ChainArmFollower
+from dtwin.line.live.heard import check_zone_state
 from dtwin.line.live.plant import LivePlant
 from dtwin.line.records.kept import prepare, write
 from dtwin.line.run import LineRun, LineSettings
@@ -192,6 +193,25 @@ def test_settings_out_of_range_reach_no_blocks(line: Line, settings: JointSettin
     with pytest.raises(DtwinError, match=words):
         station.give("settings", text=settings_text(settings))
     assert (station.settings, station.inputs) == (None, [])
+
+
+def test_settings_of_another_kind_of_arm_than_a_station_has_are_foreign(line: Line) -> None:
+    zone = line.zones[0]
+    usual = ArmSettings(2.0, ArmParameters())
+    other = JointSettings(ArmTuning(speed=0.5), Adjustment.none(2))
+    fast = JointSettings(ArmTuning(speed=2.0), Adjustment.none(2))
+
+    def told(first: Settings | None, second: Settings | None) -> ZoneState:
+        able = (StationAbility("a1", "slower", (), "", first), StationAbility("a2", "slower", (), "", second))
+        return ZoneState("a", 1.0, able)
+
+    check_zone_state(zone, told(usual, other))
+    with pytest.raises(ParameterError, match="station a1: settings: expected those of its kind of arm"):
+        check_zone_state(zone, told(other, None))
+    with pytest.raises(ParameterError, match="station a2: settings: expected those of its kind of arm"):
+        check_zone_state(zone, told(None, usual))
+    with pytest.raises(ParameterError, match="station a2: tuning: speed: expected"):
+        check_zone_state(zone, told(None, fast))
 
 
 def test_a_weak_arm_follows_its_path_again_with_the_settings_of_its_twin_and_without_a_jolt(line: Line) -> None:
