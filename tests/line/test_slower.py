@@ -188,7 +188,7 @@ def looked(
 
 
 SOME = Capability("some places", ("blue", "red"), "weak", ArmSettings(2.2, HEALTHY), rehearsed(PLAN))
-SOME_TEXT = "a model of that, and 2.2 s for a motion"
+SOME_TEXT = "a model of what it is now, and 2.2 s for a motion"
 
 
 def test_an_arm_goes_on_only_if_it_reaches_the_places_where_its_boxes_belong() -> None:

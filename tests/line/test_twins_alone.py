@@ -210,7 +210,7 @@ def test_settings_that_a_twin_has_found_are_proposed_until_they_are_in_force_or_
         return [(each.state, each.request.settle.settings) for each in proposals if each.request.settle]
 
     def words(target_time: float) -> str:
-        return f"a model of that, and {target_time:g} s for a motion"
+        return f"a model of what it is now, and {target_time:g} s for a motion"
 
     def has(settings: ArmSettings | None) -> None:
         """The plant tells what the blocks of a1 have."""

@@ -34,7 +34,7 @@ class ArmSettings(msgspec.Struct, frozen=True, tag_field="of", tag="arm"):
 
     def text(self) -> str:
         """In words."""
-        return f"a model of that, and {self.target_time:g} s for a motion"
+        return f"a model of what it is now, and {self.target_time:g} s for a motion"
 
 
 class JointSettings(msgspec.Struct, frozen=True, tag_field="of", tag="joints"):
@@ -50,7 +50,16 @@ class JointSettings(msgspec.Struct, frozen=True, tag_field="of", tag="joints"):
 
     def text(self) -> str:
         """In words."""
-        return f"blocks that count on that, and {100.0 * self.tuning.speed:.0f} % of the speed of its data sheet"
+        found, counted = self.adjustment, []
+        for joint, (offset, strength, friction) in enumerate(
+            zip(found.offset, found.strength, found.friction, strict=False), 1
+        ):
+            counted += [f"{100.0 * strength:.0f} % of the torque of joint {joint}"] if strength != 1.0 else []
+            counted += [f"{100.0 * friction:.0f} % of its friction at joint {joint}"] if friction != 1.0 else []
+            counted += [f"{offset:.3g} too much at encoder {joint}"] if offset else []
+        counted += [f"{found.load:.3g} kg more at the tool"] if found.load else []
+        speed = f"{100.0 * self.tuning.speed:.0f} % of the speed of its data sheet"
+        return f"blocks that count on {', '.join(counted)}, and {speed}" if counted else speed
 
 
 Settings = ArmSettings | JointSettings
