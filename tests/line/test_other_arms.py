@@ -171,6 +171,24 @@ def test_what_a_weaker_drive_can_still_hold_follows_from_the_weights_at_its_plac
     assert twin.judged(ChainFinding(1.0, "push1", 3.0)).ability == "all"
 
 
+def test_a_weak_drive_leaves_an_arm_slower_or_with_lighter_boxes(tmp_path: Path) -> None:
+    weak = (ROOT / "arms" / "planar-2r.toml").read_text().replace("limit = 24.0", "limit = 5.6")
+    (tmp_path / "weak.toml").write_text(weak)
+    (tmp_path / "planar-2r.xml").write_text((ROOT / "arms" / "planar-2r.xml").read_text())
+    sort = SORT.replace("[0.15, 0.3]", "[0.1, 0.25]")
+    plan = twin_of(line_of(mixed(tmp_path, CELL.replace("planar-2r", "weak.toml"), sort))).plan
+    cell = arm_cell(plan)
+    assert cell is not None
+    twin = ChainNodeTwin(plan, cell, 0.1, 0.21, (0.21, 0.1))
+    slower, lighter = (twin.judged(ChainFinding(1.0, "K2", size)) for size in (0.3, 0.5))
+    assert (slower.ability, slower.lighter) == ("slower", ())
+    assert (lighter.ability, lighter.places) == ("lighter boxes", ("blue",))
+    assert dict(lighter.lighter) == {"red": 0.1, "green": 0.1}
+    assert lighter.settings is not None
+    assert lighter.settings.text().startswith("blocks that count on 50 % of the torque of joint 2, and")
+    assert "instead of" in slower.why
+
+
 def test_another_arm_takes_no_settings_of_the_usual_kind(line: Line) -> None:
     usual = settings_text(ArmSettings(2.0, ArmParameters()))
     with pytest.raises(DtwinError, match="expected those of an arm of n joints"):
