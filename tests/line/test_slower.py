@@ -43,7 +43,7 @@ def twin() -> NodeTwin:
 def test_an_arm_with_more_friction_works_on_at_a_longer_target_time() -> None:
     able = twin().judged(found("D2", 5.0 * HEALTHY.get("D2")))
     assert (able.ability, set(able.places)) == ("slower", {"blue", "red", "green"})
-    assert able.settings is not None
+    assert isinstance(able.settings, ArmSettings)
     assert able.settings.target_time > 2.0
     assert able.settings.model.get("D2") == pytest.approx(6.0 * HEALTHY.get("D2"))
     assert able.times is not None
@@ -53,13 +53,13 @@ def test_an_arm_with_more_friction_works_on_at_a_longer_target_time() -> None:
 
 def test_a_size_counts_relative_to_a_motors_constant_and_as_it_is_for_friction() -> None:
     weak, stiff = twin().judged(found("K3", -0.5)), twin().judged(found("D3", 0.1))
-    assert weak.settings is not None
-    assert stiff.settings is not None
+    assert isinstance(weak.settings, ArmSettings)
+    assert isinstance(stiff.settings, ArmSettings)
     assert weak.settings.model.get("K3") == pytest.approx(0.5 * HEALTHY.get("K3"))
     assert stiff.settings.model.get("D3") == pytest.approx(HEALTHY.get("D3") + 0.1)
     assert (weak.ability, weak.settings.target_time) == ("all", 2.0), "a model of it is all that it needs"
     supply = twin().judged(found("supply", -0.1))
-    assert supply.settings is not None
+    assert isinstance(supply.settings, ArmSettings)
     assert supply.settings.model.voltage_constant == pytest.approx(0.9 * np.array(HEALTHY.voltage_constant))
 
 
