@@ -10,8 +10,8 @@ import msgspec
 from dtwin.bus.messages import State
 from dtwin.bus.proposals.messages import Kind, ProposalState
 from dtwin.bus.twin_messages import UNITS, IdentificationPhase, UnitState
+from dtwin.line.twins.ability import Ability
 from dtwin.line.twins.decisions import Mode
-from dtwin.line.twins.node import Ability
 from dtwin.monitoring.kinds import KINDS
 from dtwin.parameters import PARAMETER_NAMES, Law
 from dtwin.recovery.answers import MEASURES

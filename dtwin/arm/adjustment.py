@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
-from dtwin.arm.chain import Arm
+if TYPE_CHECKING:  # Messages carry adjustments, and who only passes them loads no library of numbers.
+    from dtwin.arm.chain import Arm
 
 WEAKEST: Final = 0.4
 """Least torque of a drive, in parts of what it should give, with which an arm works on; its inverse is the most."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Final, TypeVar
@@ -126,7 +127,8 @@ def load(path: Path) -> Line:
         found = msgspec.toml.decode(content, type=_File)
     except msgspec.ValidationError as error:
         text, _, key = str(error).partition(" - at `$")
-        where = f"{key.strip('.`').replace('[...]', '.*')}: " if key else ""
+        where = _where(msgspec.toml.decode(content), key.strip("`"), str(error))
+        where = f"{where}: " if where else ""
         raise ModelError(
             f"{path}: {where}{text[:1].lower()}{text[1:].replace('`', '')}{_hint(text, where)}"
         ) from None
@@ -137,6 +139,51 @@ def load(path: Path) -> Line:
     except DtwinError as error:
         kind = ModelError if isinstance(error, ModelError) else ParameterError
         raise kind(f"{path}: {error}") from None
+
+
+def _where(content: Any, key: str, error: str) -> str:
+    """The place in a file that is wrong, where msgspec tells `[...]` for the names in tables.
+
+    Args:
+        content: what the file says.
+        key: the place as msgspec tells it, such as `.zones[...].vehicles[...].speed`.
+        error: the error that it has told: the first names with which it comes again are the ones.
+    """
+    parts = key.removeprefix(".").split("[...]")
+    found = parts[0]
+    for part in parts[1:]:
+        table = _inner(content, found)
+        name = next((each for each in table or () if _same_error(content, found, each, error)), None)
+        if name is None:
+            return key.removeprefix(".").replace("[...]", ".*")
+        _keep(content, found, name)
+        found += f".{name}{part}"
+    return found
+
+
+def _inner(content: Any, key: str) -> Any:
+    """What stands at a place of a file, such as zones.a.vehicles."""
+    for part in filter(None, key.split(".")):
+        content = content.get(part) if isinstance(content, dict) else None
+    return content
+
+
+def _keep(content: Any, key: str, name: str) -> None:
+    """Leaves one name alone in a table at a place of a file."""
+    table = _inner(content, key)
+    for each in [other for other in table if other != name]:
+        del table[each]
+
+
+def _same_error(content: Any, key: str, name: str, error: str) -> bool:
+    """Whether a file with one name alone in a table has the same error."""
+    tried = copy.deepcopy(content)
+    _keep(tried, key, name)
+    try:
+        msgspec.convert(tried, _File)
+    except msgspec.ValidationError as again:
+        return str(again) == error
+    return False
 
 
 def _hint(text: str, where: str) -> str:

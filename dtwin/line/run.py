@@ -15,9 +15,9 @@ from dtwin.line.line import Line
 from dtwin.line.plant import LineEvent
 from dtwin.line.situation import Situation
 from dtwin.line.station import WorkTimes, settings_text
+from dtwin.line.twins.ability import Capability
 from dtwin.line.twins.decisions import OPERATOR, REPAIRED, Absence, Decision, Mode
 from dtwin.line.twins.guard import Guard, Hands
-from dtwin.line.twins.node import Capability
 from dtwin.line.twins.nodes import node_of
 from dtwin.line.twins.overall import Choice
 from dtwin.line.twins.reorganisation import Doors, Reorganisation

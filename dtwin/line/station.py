@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from dtwin.bus.line.plant import ArmSettings
+from dtwin.bus.line.plant import ArmSettings, Settings
 from dtwin.bus.line.situation import StationNow
 from dtwin.controller.bounds import check_bounds
 from dtwin.controller.embedded import EmbeddedController
@@ -189,7 +189,7 @@ class EmulatedStation:
         elif given.kind == "fault":
             self._emulation.inject([parse_fault(given.text)])
         elif given.kind == "settings":
-            self._put(msgspec.json.decode(given.text, type=ArmSettings))
+            self._put(_arm_settings(given.text))
         else:
             if given.kind == "release" and self.settings is not None:
                 self._put(None)
@@ -291,7 +291,15 @@ class WorkTimes:
     back: Mapping[str, float]
 
 
-def settings_text(settings: ArmSettings) -> str:
+def _arm_settings(text: str) -> ArmSettings:
+    """The settings of an `Input`. Raises ParameterError: they are of another kind of arm."""
+    try:
+        return msgspec.json.decode(text, type=ArmSettings)
+    except msgspec.MsgspecError as error:
+        raise ParameterError(f"settings: expected those of an arm of the usual kind: {error}") from None
+
+
+def settings_text(settings: Settings) -> str:
     """Settings as the text of an `Input`."""
     return msgspec.json.encode(settings).decode()
 

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from dtwin.emulation.faults import parse_fault
+from dtwin.errors import ParameterError
 from dtwin.line.chain.cell import arm_cell, believed_chain_settings, chain_settings, check_chain_station
 from dtwin.line.chain.station import ChainStation
 from dtwin.line.line import StationPlan
 from dtwin.line.station import EmulatedStation, Station, believed_settings
 from dtwin.line.system import task_of
+from dtwin.recovery.strength import holding
 
 Emulated = EmulatedStation | ChainStation
 """A station with an emulated arm."""
@@ -47,6 +49,14 @@ def checked_places(plan: StationPlan, heaviest: float) -> tuple[str, ...]:
         return check_chain_station(plan, cell, heaviest)
     for fault in plan.faults:
         parse_fault(fault)
+    believed = believed_settings(plan)
+    shares = holding(believed.arm, heaviest, believed.task)
+    worst = max(shares, key=shares.__getitem__)
+    if shares[worst] > 1.0:
+        raise ParameterError(
+            f"source.mass: expected boxes that its arm can hold, got {heaviest:g} kg, for which its motors need "
+            f"{100.0 * shares[worst]:.0f} % of their largest voltage at {worst}"
+        )
     return task_of(plan).colours
 
 

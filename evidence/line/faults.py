@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar, Final, Literal
@@ -14,13 +14,12 @@ from dtwin.campaign.spread import EVERY_CORE, Progress, Workforce, spread
 from dtwin.commands.frame import at_least
 from dtwin.errors import ParameterError
 from dtwin.line.file import DEFAULT_NAME, line_of
-from dtwin.line.line import Assignment, Line
+from dtwin.line.line import CYCLE, Line
 from dtwin.line.run import LineRun, LineSettings
-from dtwin.line.station import WorkTimes
 from dtwin.line.twins.decisions import Decision
-from dtwin.line.twins.overall import predicted
 from evidence.experiment import SeriesCommand
 from evidence.line.best import best_rate, work_times
+from evidence.line.expected import Known, expected
 from evidence.line.otherwise import USUAL, Otherwise
 from evidence.report import Report, page, table
 
@@ -55,8 +54,6 @@ NEAR: Final = 0.03
 """Share by which throughput may differ from what was predicted, over LONG at least."""
 LONG: Final = 1800.0
 """Time over which throughput counts, s, from which on single boxes no longer decide what it is."""
-SPREAD: Final = (0.99, 1.0, 1.01)
-"""Factors on the work times of simulations whose mean is what is predicted."""
 STILL: Final = 1e-5
 """Change of the path within a tick up to which an arm stands, rad."""
 SOON: Final = 10.0
@@ -100,7 +97,7 @@ class LineOutcome:
         best: boxes an hour of the best assignment that the line could have had, by simulation of all from the
             running line on, as it was when its twins answered, or at the fault if they did not; 0 without a fault.
         predicted: boxes an hour that its twins predict of the assignment that it has at the end, from what they knew
-            of the arms when throughput began to count.
+            of the arms when throughput began to count, and from the line on as it was then.
         noticed: time from the fault to the set-up or the settings that answer it, s; None if there were none.
         answer: what the twins did first, and what of it the arm can do, in a few words.
         moves: time from the fault to the first motion that the arm is commanded, s, before which nobody can see it
@@ -169,19 +166,18 @@ def tried(trial: LineTrial) -> LineOutcome:
     line = line_tried(trial)
     fault = ((trial.station, f"{trial.fault}@{trial.begins}"),) if trial.station else ()
     run = LineRun(line, LineSettings(trial.duration, "act" if trial.twins else "off", fault))
-    since, known = _since(trial), work_times(line)
-    horizon = trial.duration - since
+    since, known = _since(trial), Known(None, work_times(line), ())
 
     then, able = run.situation, trial.fault if trial.fault not in CAUSES["stopping"] else ""
 
     def look() -> None:
-        nonlocal then, able
+        nonlocal then, able, known
         acts = trial.twins and run.time <= since and not _answers(run)
         if trial.station and (acts or run.time <= trial.begins):
             then = run.situation
             able = "" if run.plant.stations[trial.station].report.stop else able
-        if run.time <= since:
-            known.update(run.times())
+        if run.time <= since < run.time + CYCLE:
+            known = Known(run.situation, run.times(), tuple(filter(run.is_stopped, run.times())))
 
     run.run(look=look)
     answers = _answers(run) if trial.station else []
@@ -190,7 +186,7 @@ def tried(trial: LineTrial) -> LineOutcome:
         trial,
         run.rate(since),
         best_rate(line, trial.station, then, (since, trial.duration), able) if trial.station and then else 0.0,
-        expected(line, known, run.work.assignment, horizon),
+        expected(line, known, run.work.assignment, trial.duration - since),
         answers[0].time - trial.begins if answers else None,
         f"{answers[0].what}, {answers[0].why.partition(':')[0]}" if answers else "",
         _moves(run, trial) if trial.station else None,
@@ -203,25 +199,6 @@ def tried(trial: LineTrial) -> LineOutcome:
 def _answers(run: LineRun) -> list[Decision]:
     """What its twins have done of their own, after a fault."""
     return [each for each in run.course.decisions if each.what in ("settings", "set-up")]
-
-
-def expected(line: Line, times: Mapping[str, WorkTimes], assignment: Assignment, horizon: float) -> float:
-    """Boxes an hour that twins predict of an assignment: the mean of simulations with slightly other work times.
-
-    The boxes of a full line fall into step with vehicles that charge, and out of it, for a hundredth of a second of
-    work; one simulation alone tells one of these ways, and arms are not that exact.
-    """
-    rates = []
-    for factor in SPREAD:
-        spread = {name: scaled_times(each, factor) for name, each in times.items()}
-        rates.append(predicted(line, spread, assignment, horizon))
-    return sum(rates) / len(rates)
-
-
-def scaled_times(times: WorkTimes, factor: float) -> WorkTimes:
-    """Work times that all are so many times as long."""
-    carry, back = ({place: factor * time for place, time in part.items()} for part in (times.carry, times.back))
-    return WorkTimes(factor * times.grip, carry, back)
 
 
 def line_tried(trial: LineTrial) -> Line:

@@ -90,6 +90,19 @@ def test_a_new_path_moves_no_voltage() -> None:
     assert np.abs(after - gravity(off, P) / K).min() > 0.1
 
 
+def test_what_the_integrals_balanced_another_model_knows() -> None:
+    """A motor that has lost torque is held by its integral, which the model with that lost torque must not add to."""
+    theta = np.array([0.4, -0.8, 0.6])
+    block = cascade()
+    for _ in range(100):
+        held = fire(block, theta - 0.01, np.zeros(3), rest(theta))
+    weak = ARM.with_values({"K3": 0.35 * ARM.get("K3")})
+    block.fire("MODEL", K3=weak.get("K3"))
+    after = fire(block, theta, np.zeros(3), rest(theta))
+    np.testing.assert_allclose(after, gravity(theta, P) / np.array(weak.voltage_constant), rtol=1e-12)
+    assert held[2] / 0.35 > after[2] + 0.5, "with the integral it would be that much more"
+
+
 def test_an_arm_that_others_move_leaves_no_integrals() -> None:
     theta = np.zeros(3)
     block = cascade()

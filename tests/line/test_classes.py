@@ -15,9 +15,10 @@ from dtwin.line.plant import LineEvent, Plant, check_boxes
 from dtwin.line.run import LineRun, LineSettings
 from dtwin.line.station import FREE, EmulatedStation, Station, TimedStation, replayed
 from dtwin.line.twins import zone
+from dtwin.line.twins.ability import Capability
 from dtwin.line.twins.decisions import Mode
 from dtwin.line.twins.guard import Guard, Hands
-from dtwin.line.twins.node import Capability, NodeTwin
+from dtwin.line.twins.node import NodeTwin
 from dtwin.line.twins.rehearsal import rehearsed
 from dtwin.line.twins.zone import ZoneTwin
 from dtwin.monitoring.kinds import parse_fault_id

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import pytest
+
 from dtwin.line.control import Control, OneResource
 from dtwin.line.file import line_of
 from dtwin.line.line import BoxClass, Line
 from dtwin.line.plant import Plant
 from dtwin.line.station import Station, TimedStation, WorkTimes
 from dtwin.line.twins.forward import Change, Forward
+from dtwin.line.twins.zone import SETTLING, in_an_hour
+from evidence.line.answer import soonest_taken
 
 FULL = replace(line_of("default"), source=replace(line_of("default").source, every=12.0))
 TIMES = {
@@ -74,3 +78,30 @@ def test_a_vehicle_that_waits_for_its_box_is_not_sent_away_for_one_that_comes_ju
     go_on(plant, control, 80)
     assert plant.vehicles["a_agv1"].path == ["a1_dock"]
     assert [(event.who, event.text) for event in plant.events if event.kind == "loaded"][1:] == [("a_agv2", "source")]
+
+
+def test_what_driving_takes_is_how_soon_a_moved_box_is_taken_up_with_the_set_up_in_force_at_once() -> None:
+    plant, control = running(FULL, 1500)
+    now = control.now(plant)
+    assert now is not None
+    other = {**FULL.assignment, "mark": "a1"}
+    soonest = soonest_taken(FULL, now, Change(other, TIMES, ("a2",)))
+    assert control.set_up(other)
+    control.stopped = {"a2"}
+    plant.stations["a2"].station.resume(now.plant.stations[1], plant.time, True)  # type: ignore[attr-defined]
+    before = len(plant.events)
+    go_on(plant, control, 600)
+    taken = [
+        each.time for each in plant.events[before:] if (each.kind, each.text, each.who) == ("work", "mark", "a1")
+    ]
+    assert soonest == taken[0]
+    assert soonest_taken(FULL, now, Change(dict(FULL.assignment), TIMES)) is None, "nothing has moved"
+
+
+def test_an_hour_is_what_was_simulated_and_its_rate_after_the_first_minute() -> None:
+    late = tuple((SETTLING + 20.0 * k, 0) for k in range(1, 11))
+    assert in_an_hour(late) == pytest.approx(10 + 180.0 * (3600.0 - SETTLING - 200.0) / 3600.0)
+    early = tuple((10.0 * k, 0) for k in range(1, 4))
+    assert in_an_hour((*early, *late)) == pytest.approx(in_an_hour(late) + 3)
+    assert in_an_hour(early) == pytest.approx(360.0)
+    assert in_an_hour(()) == 0.0

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from dtwin.bus.line.messages import LineState, SetUpDone, SetUpRequest, StationWord
-from dtwin.bus.line.plant import ArmSettings, PlantState, PlantWord
+from dtwin.bus.line.plant import ArmSettings, PlantState, PlantWord, Settings
 from dtwin.bus.line.topics import LINE_RELEASE, LINE_SETTLE, LINE_STATE, LINE_STOP, PLANT_SET_UP, PLANT_WORD, SET_UP
 from dtwin.bus.messages import FAULT, PATH, SENSORS, Done, FaultRequest
 from dtwin.bus.messages import Path as PathAngles
@@ -193,7 +193,7 @@ def test_a_fault_is_found_from_what_the_arm_publishes(parts: Parts) -> None:
 
 
 def test_an_arm_that_can_work_on_gets_other_settings_until_it_is_released(parts: Parts) -> None:
-    def settings() -> ArmSettings | None:
+    def settings() -> Settings | None:
         return next(station for station in parts.plant().stations if station.name == "left").settings
 
     weak = ArmParameters().with_values({"K3": 0.5 * ArmParameters().get("K3")})
@@ -208,7 +208,7 @@ def test_an_arm_that_can_work_on_gets_other_settings_until_it_is_released(parts:
             lambda: parts.state().stations[0].why.startswith(known), "the twin of the zone learns it from the plant"
         )
         told = parts.bus.ask(LINE_SETTLE, StationWord("ada", "as found", "left"), LineState)
-        assert [station.target_time for station in told.stations] == [2.0, 0.0]
+        assert [station.settings for station in told.stations] == [found.text(), ""]
         assert settings() == found
         parts.bus.ask(LINE_RELEASE, StationWord("ada", "its motor is new", "left"), LineState)
         assert settings() is None

@@ -16,9 +16,10 @@ from dtwin.line.file import line_of
 from dtwin.line.run import LineRun, LineSettings
 from dtwin.line.station import FREE, HOLDING, EmulatedStation, Input, WorkTimes, replayed, settings_text
 from dtwin.line.twins import zone
+from dtwin.line.twins.ability import Capability
 from dtwin.line.twins.decisions import Mode
 from dtwin.line.twins.guard import Guard, Hands
-from dtwin.line.twins.node import Capability, NodeTwin
+from dtwin.line.twins.node import NodeTwin
 from dtwin.line.twins.rehearsal import rehearsed, rehearsed_anew
 from dtwin.line.twins.zone import ZoneTwin
 from dtwin.monitoring.kinds import parse_fault_id
@@ -42,7 +43,7 @@ def twin() -> NodeTwin:
 def test_an_arm_with_more_friction_works_on_at_a_longer_target_time() -> None:
     able = twin().judged(found("D2", 5.0 * HEALTHY.get("D2")))
     assert (able.ability, set(able.places)) == ("slower", {"blue", "red", "green"})
-    assert able.settings is not None
+    assert isinstance(able.settings, ArmSettings)
     assert able.settings.target_time > 2.0
     assert able.settings.model.get("D2") == pytest.approx(6.0 * HEALTHY.get("D2"))
     assert able.times is not None
@@ -52,13 +53,13 @@ def test_an_arm_with_more_friction_works_on_at_a_longer_target_time() -> None:
 
 def test_a_size_counts_relative_to_a_motors_constant_and_as_it_is_for_friction() -> None:
     weak, stiff = twin().judged(found("K3", -0.5)), twin().judged(found("D3", 0.1))
-    assert weak.settings is not None
-    assert stiff.settings is not None
+    assert isinstance(weak.settings, ArmSettings)
+    assert isinstance(stiff.settings, ArmSettings)
     assert weak.settings.model.get("K3") == pytest.approx(0.5 * HEALTHY.get("K3"))
     assert stiff.settings.model.get("D3") == pytest.approx(HEALTHY.get("D3") + 0.1)
     assert (weak.ability, weak.settings.target_time) == ("all", 2.0), "a model of it is all that it needs"
     supply = twin().judged(found("supply", -0.1))
-    assert supply.settings is not None
+    assert isinstance(supply.settings, ArmSettings)
     assert supply.settings.model.voltage_constant == pytest.approx(0.9 * np.array(HEALTHY.voltage_constant))
 
 
@@ -177,7 +178,7 @@ def looked(
     did: list[str] = []
     hands = Hands(
         lambda station, state, why: did.append(f"stop {state}"),
-        lambda station, settings, why: did.append(f"{settings.target_time:g} s"),
+        lambda station, settings, why: did.append(settings.text()),
         lambda station: {(place, 0.21) for place in needed},
         lambda station: None,
         lambda decision: None,
@@ -187,11 +188,12 @@ def looked(
 
 
 SOME = Capability("some places", ("blue", "red"), "weak", ArmSettings(2.2, HEALTHY), rehearsed(PLAN))
+SOME_TEXT = "a model of what it is now, and 2.2 s for a motion"
 
 
 def test_an_arm_goes_on_only_if_it_reaches_the_places_where_its_boxes_belong() -> None:
     did, reasons, guard = looked(SOME, {"red"})
-    assert (did, reasons) == (["2.2 s"], ["a2 can do some places"])
+    assert (did, reasons) == ([SOME_TEXT], ["a2 can do some places"])
     assert guard.capability("a2").places == ("blue", "red")
     did, reasons, guard = looked(SOME, {"red", "green"})
     assert (did, reasons) == (["stop failed"], ["a2 can do nothing"])
@@ -201,7 +203,7 @@ def test_an_arm_goes_on_only_if_it_reaches_the_places_where_its_boxes_belong() -
     assert guard.look("a2", None, FREE, 0, 11.0) == [], "what is found of it later changes nothing of that"
     assert guard.capability("a2").places == ()
     did, reasons, _ = looked(replace(SOME, ability="all"), {"red"})
-    assert (did, reasons) == (["2.2 s"], []), "there is no reason to share the work out otherwise"
+    assert (did, reasons) == ([SOME_TEXT], []), "there is no reason to share the work out otherwise"
     assert looked(SOME, {"red"}, mode="propose")[0] == []
 
 
@@ -214,7 +216,7 @@ def test_an_arm_gets_other_settings_between_two_boxes() -> None:
     assert did == []
     node.rests = True
     guard.look("a2", None, FREE, 0, 12.0)
-    assert did == ["2.2 s"]
+    assert did == [SOME_TEXT]
 
 
 def test_an_arm_that_new_settings_make_worse_is_stopped() -> None:
@@ -223,7 +225,7 @@ def test_an_arm_that_new_settings_make_worse_is_stopped() -> None:
     assert isinstance(node, FakeNode)
     node.doubt = "with the settings on trial it was 200 mrad from its path"
     assert guard.look("a2", None, FREE, 0, 40.0, SOME.settings) == ["a2 can do nothing"]
-    assert did == ["2.2 s", "stop failed"]
+    assert did == [SOME_TEXT, "stop failed"]
     assert "200 mrad" in guard.capability("a2").why
 
 

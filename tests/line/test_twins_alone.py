@@ -205,9 +205,12 @@ def test_settings_that_a_twin_has_found_are_proposed_until_they_are_in_force_or_
         send("a/twin/zone/state", msgspec.json.encode(ZoneState("a", told.time, (able, well))))
         twin.look()
 
-    def states() -> list[tuple[str, float]]:
+    def states() -> list[tuple[str, str]]:
         proposals = book.newest(told.time, 0)
-        return [(each.state, each.request.settle.target_time) for each in proposals if each.request.settle]
+        return [(each.state, each.request.settle.settings) for each in proposals if each.request.settle]
+
+    def words(target_time: float) -> str:
+        return f"a model of what it is now, and {target_time:g} s for a motion"
 
     def has(settings: ArmSettings | None) -> None:
         """The plant tells what the blocks of a1 have."""
@@ -221,21 +224,21 @@ def test_settings_that_a_twin_has_found_are_proposed_until_they_are_in_force_or_
     assert states() == []
     hear(ArmSettings(2.5, weak))
     hear(ArmSettings(2.5, weak))
-    assert states() == [("open", 2.5)]
+    assert states() == [("open", words(2.5))]
     hear(ArmSettings(3.0, weak))
-    assert states() == [("expired", 2.5), ("open", 3.0)]
+    assert states() == [("expired", words(2.5)), ("open", words(3.0))]
     made = next(each for each in book.newest(told.time, 0) if each.state == "open")
     decide(
         cast(Bus, Asker(send)), ProposalDecision(made.number, made.digest, "ada", "approve"), LINE_DOORS, LINE_BOOK
     )
-    assert states()[-1] == ("approved", 3.0)
+    assert states()[-1] == ("approved", words(3.0))
     assert [each for each in twin.state().decisions if each.who == "ada"][-1].what == "settings"
     outcome = next(each.outcome for each in book.newest(told.time, 0) if each.number == made.number)
-    assert outcome == "a1 works with 3 s for a motion"
+    assert outcome == f"a1 works with {words(3.0)}"
     hear(ArmSettings(3.5, weak))
     has(ArmSettings(3.5, weak))
-    assert states()[-1] == ("expired", 3.5), "a person has done it otherwise"
-    asked = ProposalRequest("ai", "try", "settle", settle=FoundSettings("a1", 2.0, "slower"))
+    assert states()[-1] == ("expired", words(3.5)), "a person has done it otherwise"
+    asked = ProposalRequest("ai", "try", "settle", settle=FoundSettings("a1", "2.4 s for a motion", "slower"))
     assert send("line/twin/overall/propose", msgspec.json.encode(asked)) is None
     assert "kind: expected set-up or diagnosis" in bus.refused[-1][1]
 

@@ -40,7 +40,7 @@ class StationSeen(msgspec.Struct, frozen=True):
         box: number of the box that waits there, is worked at or is finished, 0 for none.
         waiting, worked, finished: numbers of the boxes in its slots, 0 for none.
         availability, performance, quality: of the last ten minutes, as the table `oee` reckons them (ISO 22400-2).
-        target_time: duration of its motions that takes the place of that of its cell, s; 0 for that of its cell.
+        settings: what its blocks have in the place of the settings of its cell, in words; "" for nothing.
     """
 
     name: Word
@@ -56,7 +56,7 @@ class StationSeen(msgspec.Struct, frozen=True):
     availability: float = 1.0
     performance: float = 0.0
     quality: float = 1.0
-    target_time: float = 0.0
+    settings: Line = ""
 
 
 class VehicleSeen(msgspec.Struct, frozen=True):

@@ -9,6 +9,8 @@ from typing import Annotated, Literal
 
 import msgspec
 
+from dtwin.arm.adjustment import Adjustment
+from dtwin.arm.model import ArmTuning
 from dtwin.bus.line.messages import TOLD, LineDecision, SetUps, VehicleSeen, ZoneSeen
 from dtwin.names import Name
 from dtwin.parameters import ArmParameters
@@ -19,7 +21,7 @@ Passing = Annotated[tuple[tuple[Seconds, Count], ...], msgspec.Meta(max_length=1
 Operations = Annotated[tuple[Name, ...], msgspec.Meta(max_length=8)]
 
 
-class ArmSettings(msgspec.Struct, frozen=True):
+class ArmSettings(msgspec.Struct, frozen=True, tag_field="of", tag="arm"):
     """Settings of the blocks of a station's arm that take the place of those of its cell.
 
     Attributes:
@@ -29,6 +31,39 @@ class ArmSettings(msgspec.Struct, frozen=True):
 
     target_time: float
     model: ArmParameters
+
+    def text(self) -> str:
+        """In words."""
+        return f"a model of what it is now, and {self.target_time:g} s for a motion"
+
+
+class JointSettings(msgspec.Struct, frozen=True, tag_field="of", tag="joints"):
+    """The same for an arm of n joints.
+
+    Attributes:
+        tuning: poles of its errors and observers, and the speed of its paths.
+        adjustment: what the blocks count on of the joints beside the data sheet.
+    """
+
+    tuning: ArmTuning
+    adjustment: Adjustment
+
+    def text(self) -> str:
+        """In words."""
+        found, counted = self.adjustment, []
+        for joint, (offset, strength, friction) in enumerate(
+            zip(found.offset, found.strength, found.friction, strict=False), 1
+        ):
+            counted += [f"{100.0 * strength:.0f} % of the torque of joint {joint}"] if strength != 1.0 else []
+            counted += [f"{100.0 * friction:.0f} % of its friction at joint {joint}"] if friction != 1.0 else []
+            counted += [f"{offset:.3g} too much at encoder {joint}"] if offset else []
+        counted += [f"{found.load:.3g} kg more at the tool"] if found.load else []
+        speed = f"{100.0 * self.tuning.speed:.0f} % of the speed of its data sheet"
+        return f"blocks that count on {', '.join(counted)}, and {speed}" if counted else speed
+
+
+Settings = ArmSettings | JointSettings
+"""What the blocks of a station can be given in the place of the settings of its cell."""
 
 
 class StationReading(msgspec.Struct, frozen=True):
@@ -59,7 +94,7 @@ class StationReading(msgspec.Struct, frozen=True):
     availability: float = 1.0
     performance: float = 0.0
     quality: float = 1.0
-    settings: ArmSettings | None = None
+    settings: Settings | None = None
     load: tuple[Word, float] | None = None
     zone: Word = ""
 
@@ -125,7 +160,7 @@ class PlantWord(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
     station: Name
     word: Literal["failed", "angles unknown", "settings", "release"]
     why: Line
-    settings: ArmSettings | None = None
+    settings: Settings | None = None
 
 
 class StationAbility(msgspec.Struct, frozen=True):
@@ -144,7 +179,7 @@ class StationAbility(msgspec.Struct, frozen=True):
     ability: Literal["all", "slower", "some places", "lighter boxes", "nothing"]
     places: tuple[Word, ...]
     why: Line
-    settings: ArmSettings | None = None
+    settings: Settings | None = None
     lighter: Annotated[tuple[tuple[Word, float], ...], msgspec.Meta(max_length=64)] = ()
 
 

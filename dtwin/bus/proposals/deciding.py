@@ -144,7 +144,7 @@ def _settle(bus: Bus, proposal: Proposal, who: str) -> str:
     assert found is not None
     why = f"proposal {proposal.number} of {proposal.request.who}: {proposal.request.why}"[:1000]
     bus.ask(LINE_SETTLE, StationWord(who, why, found.station), LineState)
-    return f"{found.station} works with {found.target_time:g} s for a motion"
+    return f"{found.station} works with {found.settings}"
 
 
 def _acknowledge(bus: Bus, proposal: Proposal, who: str) -> str:

@@ -34,12 +34,12 @@ class FoundSettings(msgspec.Struct, frozen=True):
 
     Attributes:
         station: name of the station.
-        target_time: duration of every motion then, s; the controller has a model of what was found besides.
+        settings: what its blocks have then, in words.
         ability: what the arm can do then: all, slower, some places or lighter boxes.
     """
 
     station: Name
-    target_time: float
+    settings: Line
     ability: Word
 
 

@@ -140,7 +140,7 @@ def show(state: LineState) -> None:
     print(printable(f"set-up {state.version}: {', '.join(f'{name} at {at}' for name, at in state.set_up.items())}"))
     for station in state.stations:
         box = f" box {station.box}" if station.box else ""
-        box += f", {station.target_time:g} s for a motion" if station.target_time else ""
+        box += f", with {station.settings}" if station.settings else ""
         print(printable(f"  {station.name}: {station.doing}{box}; can do {station.ability}: {station.why}"))
     for vehicle in state.vehicles:
         box = f" with box {vehicle.box}" if vehicle.box else ""

@@ -208,7 +208,7 @@ def _print_summary(found: Kept, json: bool, report: Path | None, factor: float =
         print(printable(f"{decision.time:8.1f} s  {decision.who}: {decision.what}: {decision.why}"))
     print(
         f"{found.duration:8.1f} s  {len(found.left)} of {found.entered} boxes left, {found.lost} lost,"
-        f" {found.collisions} collisions, {numbers['boxes_per_hour']} boxes/h"
+        f" {found.collisions} collisions, {numbers['boxes_per_hour']:.1f} boxes/h"
     )
     if report is not None:
         print(f"page: {report}")

@@ -84,6 +84,8 @@ class LineUp(RuntimeOption):
             raise ParameterError(f"--duration: expected 1 to {LONGEST:g} s, got {self.duration:g}")
         for text in self.fault:
             fault_of(text)
+        if self.out is not None and self.history != HISTORY:
+            raise ParameterError("--history: expected without --out, in whose folder the history lies")
         if self.pace == "lockstep" and (self.served or self.host or self.console):
             apart = "expected no --served, --host or --console, since all is in one process"
             raise ParameterError(f"--pace lockstep: {apart}")
@@ -91,7 +93,8 @@ class LineUp(RuntimeOption):
             line_of(self.line)
             up = detached(self.name, "line")
             down = f"dtwin down --cell {self.name}"
-            print(f"line {self.name!r} is up: see it with `dtwin line status`, stop it with `{down}`")
+            status = "dtwin line status" + ("" if self.name == NAME else f" --name {self.name}")
+            print(f"line {self.name!r} is up: see it with `{status}`, stop it with `{down}`")
             if up.console:
                 print(_at(up.console))
             return 0

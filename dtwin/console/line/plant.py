@@ -59,5 +59,5 @@ def _station(known: StationSeen, reading: StationReading) -> StationSeen:
         availability=reading.availability,
         performance=reading.performance,
         quality=reading.quality,
-        target_time=0.0 if reading.settings is None else reading.settings.target_time,
+        settings="" if reading.settings is None else reading.settings.text(),
     )

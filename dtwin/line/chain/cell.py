@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 from typing import Final
 
+from dtwin.bus.line.plant import JointSettings
 from dtwin.emulation.chain.faults import parse_chain_fault
-from dtwin.emulation.chain.machine import IDEAL
+from dtwin.emulation.chain.machine import NOMINAL
 from dtwin.errors import ModelError, ParameterError
 from dtwin.line.line import StationPlan
 from dtwin.parameters import PERIOD
 from dtwin.run.arm_cell import ArmCell, arm_cell_of
 from dtwin.run.chain import ChainSettings
+from dtwin.simulation.chain.checks import tuning_problem
 
 _ANY: Final = 60.0
 """A duration: a station runs as long as its line."""
@@ -43,9 +46,35 @@ def chain_settings(plan: StationPlan, cell: ArmCell) -> ChainSettings:
 
 
 def believed_chain_settings(plan: StationPlan, cell: ArmCell) -> ChainSettings:
-    """The same as a twin of the station knows it: what machine it really is, and its faults, only the plant knows."""
-    believed = replace(cell, machine=IDEAL, faults=())
+    """The same as a twin of the station knows it: the arm of the data sheet, with the friction that blocks expect.
+
+    What machine it really is, and its faults, only the plant knows.
+    """
+    believed = replace(cell, machine=NOMINAL, faults=())
     return chain_settings(replace(plan, machine=None, faults=(), seed=0), believed)
+
+
+@lru_cache(maxsize=64)
+def believed_arm(plan: StationPlan) -> ChainSettings | None:
+    """What the twins of a line know of the arm of a station; None for the thesis's arm. Raises DtwinError."""
+    cell = arm_cell(plan)
+    return None if cell is None else believed_chain_settings(plan, cell)
+
+
+def check_joint_settings(settings: ChainSettings, wished: JointSettings) -> None:
+    """Checks settings that are to take the place of those of a cell.
+
+    Args:
+        settings: what its arm is and does.
+        wished: the settings.
+
+    Raises:
+        ParameterError: its blocks must not have them; the message says which value and why.
+    """
+    if problem := tuning_problem(settings.arm, settings.poses, wished.tuning):
+        raise ParameterError(f"tuning: {problem}")
+    if problem := wished.adjustment.problem(settings.arm):
+        raise ParameterError(problem)
 
 
 def check_chain_station(plan: StationPlan, cell: ArmCell, heaviest: float) -> tuple[str, ...]:

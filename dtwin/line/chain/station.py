@@ -5,18 +5,22 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 
+import msgspec
 import numpy as np
 
+from dtwin.arm.adjustment import Adjustment
 from dtwin.arm.chain import Array
-from dtwin.bus.line.plant import ArmSettings
+from dtwin.bus.line.plant import JointSettings
 from dtwin.controller.chain.application import inputs
 from dtwin.controller.chain.embedded import ChainController
+from dtwin.controller.chain.model import held_inputs
 from dtwin.emulation.boxes import REACH
 from dtwin.emulation.chain.boxes import BroughtBoxes
 from dtwin.emulation.chain.faults import parse_chain_fault
 from dtwin.emulation.chain.plant import ChainPlant
 from dtwin.equations.rigid import motion, usual_inertia
 from dtwin.errors import ParameterError
+from dtwin.line.chain.cell import check_joint_settings
 from dtwin.line.chain.rows import ArmRows, Row
 from dtwin.line.station import FREE, HOLDING, OFFERED, Input, Points, Report
 from dtwin.parameters import PERIOD
@@ -35,7 +39,7 @@ class ChainStation:
     Attributes:
         log: what it has done, the same to the bit as that of the arm alone with the same `inputs`.
         inputs: everything that was done to it.
-        settings: None, since its blocks keep the settings of its cell.
+        settings: what its blocks have in the place of the settings of its cell; None for nothing.
 
     Raises:
         DtwinError: its blocks cannot be used.
@@ -56,7 +60,7 @@ class ChainStation:
         self._ticks = 0
         self.log = ArmRows(settings)
         self.inputs: list[Input] = []
-        self.settings: ArmSettings | None = None
+        self.settings: JointSettings | None = None
 
     def fault_end(self, text: str) -> float | None:
         """When a fault is over, s; None if it lasts. Raises FaultError."""
@@ -72,6 +76,7 @@ class ChainStation:
         Raises:
             ParameterError: the box belongs to no place, or comes while the arm is not free.
             FaultError: it is no fault of this arm.
+            ParameterError: settings are of another arm, or out of range.
         """
         if given.kind == "bring":
             if given.text not in self._boxes.names or self._arm != FREE:
@@ -83,10 +88,21 @@ class ChainStation:
         elif given.kind == "fault":
             self._plant.inject([parse_chain_fault(given.text, len(self._settings.arm))])
         elif given.kind == "settings":
-            raise ParameterError("settings: expected an arm of the usual kind, whose blocks can be set otherwise")
+            self._put(joint_settings(given.text))
         else:
+            if given.kind == "release" and self.settings is not None:
+                self._put(None)
             self._controller.judge(_WORDS[given.kind], 1.0, given.kind == "release")
         self.inputs.append(given)
+
+    def _put(self, settings: JointSettings | None) -> None:
+        """Has the blocks work with other settings than those of the cell, or with these again."""
+        arm, control = self._settings.arm, self._settings.control
+        wished = settings or JointSettings(control.tuning, Adjustment.none(len(arm)))
+        check_joint_settings(self._settings, wished)
+        self._controller.reckon_with(held_inputs(arm, usual_inertia(arm), control.tuned(wished.tuning)))
+        self._controller.adjust(wished.adjustment)
+        self.settings = settings
 
     def advance(self, ticks: int) -> Report:
         """Lets it work for some ticks of 10 ms."""
@@ -148,3 +164,11 @@ class ChainStation:
             self._arm = FREE
             kind = EventKind.DELIVERED if error <= REACH else EventKind.MISPLACED
             events.append(Event(plant.time, kind, f"the box was let go {1000 * error:.1f} mm from its place"))
+
+
+def joint_settings(text: str) -> JointSettings:
+    """The settings of an `Input`. Raises ParameterError: they are of another kind of arm."""
+    try:
+        return msgspec.json.decode(text, type=JointSettings)
+    except msgspec.MsgspecError as error:
+        raise ParameterError(f"settings: expected those of an arm of n joints: {error}") from None

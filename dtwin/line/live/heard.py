@@ -14,12 +14,22 @@ from typing import Final, TypeVar
 import msgspec
 
 from dtwin.bus.codec import MessageError
-from dtwin.bus.line.plant import ArmSettings, FlowAnswer, FlowQuestion, Passing, PlantState, ZoneState
+from dtwin.bus.line.plant import (
+    ArmSettings,
+    FlowAnswer,
+    FlowQuestion,
+    JointSettings,
+    Passing,
+    PlantState,
+    Settings,
+    ZoneState,
+)
 from dtwin.bus.line.situation import PlantNow, PlantSituation, StationNow, VehicleNow
 from dtwin.controller.bounds import check_bounds
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import ParameterError, choices
-from dtwin.line.line import Line, ZonePlan
+from dtwin.line.chain.cell import believed_arm, check_joint_settings
+from dtwin.line.line import Line, StationPlan, ZonePlan
 from dtwin.line.station import HOLDING, OFFERED
 
 M = TypeVar("M", bound=msgspec.Struct)
@@ -52,8 +62,8 @@ def check_plant_state(line: Line, state: PlantState) -> None:
     _same("vehicles", [v.name for zone in line.zones for v in zone.vehicles], [v.name for v in state.vehicles])
     _same("zones", [zone.name for zone in line.zones], [zone.name for zone in state.zones])
     line.check_assignment(state.set_up)
-    for reading in state.stations:
-        _check_settings(reading.name, reading.settings)
+    for plan, reading in zip(line.stations, state.stations, strict=True):
+        _check_settings(plan, reading.settings)
         if reading.arm > HOLDING:
             raise ParameterError(f"station {reading.name}: arm: expected 0 to {HOLDING}, got {reading.arm}")
 
@@ -67,8 +77,8 @@ def check_zone_state(zone: ZonePlan, state: ZoneState) -> None:
     if state.zone != zone.name:
         raise ParameterError(f"zone: expected {zone.name}, got {state.zone!r}")
     _same("stations", [s.name for s in zone.stations], [s.name for s in state.stations])
-    for able in state.stations:
-        _check_settings(able.name, able.settings)
+    for plan, able in zip(zone.stations, state.stations, strict=True):
+        _check_settings(plan, able.settings)
 
 
 def check_question(line: Line, asked: FlowQuestion) -> None:
@@ -169,13 +179,20 @@ def _check_vehicle(zone: ZonePlan, vehicle: VehicleNow) -> None:
         raise ParameterError(f"{name}: slot: expected 0 to {slots}, got {vehicle.slot}")
 
 
-def _check_settings(station: str, settings: ArmSettings | None) -> None:
+def _check_settings(plan: StationPlan, settings: Settings | None) -> None:
+    """Checks that settings are of the kind of arm that a station has, and within its bounds."""
     if settings is None:
         return
+    believed = believed_arm(plan)
     try:
-        check_bounds(replace(ControlSettings(), target_time=settings.target_time, model=settings.model))
+        if isinstance(settings, JointSettings) != (believed is not None):
+            raise ParameterError("settings: expected those of its kind of arm")
+        if isinstance(settings, ArmSettings):
+            check_bounds(replace(ControlSettings(), target_time=settings.target_time, model=settings.model))
+        elif believed is not None:
+            check_joint_settings(believed, settings)
     except ParameterError as error:
-        raise ParameterError(f"station {station}: {error}") from None
+        raise ParameterError(f"station {plan.name}: {error}") from None
 
 
 def _check_passing(what: str, line: Line, passing: Passing | None) -> None:

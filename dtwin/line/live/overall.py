@@ -21,8 +21,8 @@ from dtwin.line.live.between import Between
 from dtwin.line.live.heard import believed, check_answer, check_plant_state, check_zone_state
 from dtwin.line.live.seen import line_state
 from dtwin.line.live.serving import Answers
+from dtwin.line.twins.ability import Capability
 from dtwin.line.twins.decisions import Absence, Decision, Mode
-from dtwin.line.twins.node import Capability
 from dtwin.line.twins.overall import Choice
 from dtwin.line.twins.reorganisation import Doors, Reorganisation
 from dtwin.line.twins.zone import Flow

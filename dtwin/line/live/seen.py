@@ -24,8 +24,8 @@ from dtwin.line.floor import Floor
 from dtwin.line.line import Assignment, Line
 from dtwin.line.live.places import station_place
 from dtwin.line.plant import LineEvent
+from dtwin.line.twins.ability import Capability
 from dtwin.line.twins.decisions import Decision, Mode
-from dtwin.line.twins.node import Capability
 from dtwin.line.twins.reorganisation import Reorganisation
 
 RECENT: Final = 600.0
@@ -125,7 +125,7 @@ def line_state(
                 box,
                 *(reading.waiting, reading.worked, reading.finished),
                 *(reading.availability, reading.performance, reading.quality),
-                0.0 if reading.settings is None else reading.settings.target_time,
+                "" if reading.settings is None else reading.settings.text(),
             )
         )
     return LineState(

@@ -8,7 +8,7 @@ from functools import partial
 from typing import Final, Protocol
 
 from dtwin.bus.line.messages import FlowEffect, LineState, SetUpDone, SetUpQuestion, SetUpRequest, StationWord
-from dtwin.bus.line.plant import ArmSettings
+from dtwin.bus.line.plant import Settings
 from dtwin.bus.line.topics import (
     LINE_DECIDE,
     LINE_LOOK,
@@ -37,7 +37,7 @@ from dtwin.line.live.between import Between
 from dtwin.line.live.pace import Pace
 from dtwin.line.live.seen import line_state, plan_of, plant_state
 from dtwin.line.run import LineRun
-from dtwin.line.twins.node import Capability
+from dtwin.line.twins.ability import Capability
 from dtwin.line.twins.overall import Choice
 from dtwin.line.twins.reorganisation import Reorganisation
 from dtwin.simulation.proposals.book import TWIN, Book, check_form
@@ -86,7 +86,7 @@ class Answers:
     def __init__(self, line: Line, asked: Asked, book: Book, bus: Bus, between: Between) -> None:
         self._line, self._book = asked, book
         self._stations = [station.name for station in line.stations]
-        self._laid: dict[str, ArmSettings | None] = {}
+        self._laid: dict[str, Settings | None] = {}
         ask = between.ask
         bus.answer(LINE_STATE, LookRequest, None, partial(ask, asked.state))
         bus.answer(LINE_LOOK, LookRequest, None, partial(ask, self._look))
@@ -140,9 +140,7 @@ class Answers:
         if not asked.set_up:
             raise ParameterError("set_up: expected an operation at least that another station shall do")
 
-    def look_at_settings(
-        self, able: Callable[[str], Capability], in_force: Callable[[str], ArmSettings | None]
-    ) -> None:
+    def look_at_settings(self, able: Callable[[str], Capability], in_force: Callable[[str], Settings | None]) -> None:
         """Lays before a person the settings with which arms could work on, and withdraws those that are no longer so.
 
         Args:
@@ -156,13 +154,13 @@ class Answers:
                 self._laid[station] = wanted
                 self._lay_settings(station, found, wanted)
 
-    def _lay_settings(self, station: str, found: Capability, wanted: ArmSettings | None) -> None:
+    def _lay_settings(self, station: str, found: Capability, wanted: Settings | None) -> None:
         time = self._line.time
         try:
             self._book.withdraw(station, "other settings are in force, or something else is known of the arm")
             if wanted is None:
                 return
-            settle = FoundSettings(station, wanted.target_time, found.ability)
+            settle = FoundSettings(station, wanted.text(), found.ability)
             asked = ProposalRequest(TWIN, f"{found.ability}: {found.why}"[:1000], "settle", settle=settle)
             self._book.make_room(time, self._line.work.version, TWIN)
             self._book.add(asked, None, time)

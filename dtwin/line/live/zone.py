@@ -14,12 +14,12 @@ from typing import Any, Final
 
 from dtwin.bus.line.messages import TOLD
 from dtwin.bus.line.plant import (
-    ArmSettings,
     FlowAnswer,
     FlowQuestion,
     PlantSetUp,
     PlantState,
     PlantWord,
+    Settings,
     StationAbility,
     StationReading,
     ZoneState,
@@ -185,7 +185,7 @@ class LiveZone:
         self._demanded[station] = PlantWord(station, state, why[:1000])
         self._demand(self._demanded[station])
 
-    def _settle(self, station: str, settings: ArmSettings, why: str) -> None:
+    def _settle(self, station: str, settings: Settings, why: str) -> None:
         """Has an arm work with other settings; that is said again likewise."""
         self._demanded[station] = PlantWord(station, "settings", why[:1000], settings)
         self._demand(self._demanded[station])

@@ -3,27 +3,36 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from functools import partial
+from typing import Final, Literal
 
 import numpy as np
 
 from dtwin.arm.adjustment import Adjustment
-from dtwin.arm.chain import Arm, holding
-from dtwin.bus.line.plant import ArmSettings
+from dtwin.arm.chain import Arm, Array, holding
+from dtwin.bus.line.plant import JointSettings, Settings
 from dtwin.equations.rigid import inverse_dynamics
 from dtwin.line.chain.cell import believed_chain_settings
 from dtwin.line.chain.rows import ArmRows
 from dtwin.line.line import StationPlan
 from dtwin.line.station import FREE, WorkTimes
-from dtwin.line.twins.node import Capability, heaviest_held, held_at
+from dtwin.line.twins.ability import Capability, Trials, capability_of
+from dtwin.line.twins.joints import joints_rehearsed
 from dtwin.line.twins.rehearsal import rehearsed
+from dtwin.line.twins.tried import Tried
 from dtwin.line.twins.work import MeasuredWork
 from dtwin.monitoring.chain.finding import ChainFinding
 from dtwin.monitoring.chain.monitor import ArmMonitor
+from dtwin.parameters import PERIOD
 from dtwin.recovery.chain.answers import answer_to
 from dtwin.recovery.strength import RESERVE
 from dtwin.run.arm_cell import ArmCell
 from dtwin.run.chain import ChainSettings
+
+_STANDS: Final = 0.2
+"""Time for which the path of an arm at rest has not moved at least, s."""
+_STILL: Final = 0.002
+"""Range within which it may have, rad or m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,23 +72,28 @@ class ChainNodeTwin:
         self.capability = self._able()
         self._monitor: ArmMonitor | None = None
         self._work = MeasuredWork(self._places, self._settings.arm.period)
-        self._seen = self._told = 0
+        self._seen = self._told = self._from = 0
         self._known = False
+        self._adjustment = Adjustment.none(len(self._settings.arm))
+        self._changed: JointSettings | None = None
+        self._tried = Tried()
         self.rests = False
 
     @property
     def times(self) -> WorkTimes:
-        """How long its work takes: as its last boxes took, before that as a rehearsal with the data sheet's arm."""
-        return self._work.times(rehearsed(self.plan))
+        """How long its work takes: as its last boxes took, before that as a rehearsal with what is known of it."""
+        return self._work.times(self.capability.times or rehearsed(self.plan))
 
     @property
     def doubt(self) -> str:
-        """ "", since its blocks keep the settings of its cell."""
-        return ""
+        """Why settings that are on trial make the arm worse, "" if they do not."""
+        return self._tried.doubt
 
     def repaired(self) -> None:
         """The arm is as it was made to be; it is learned anew from its next work on."""
         self.capability, self._known, self._monitor = self._able(), False, None
+        self._adjustment, self._changed = Adjustment.none(len(self._settings.arm)), None
+        self._tried, self._from = Tried(), self._seen
         self._work = MeasuredWork(self._places, self._settings.arm.period)
 
     def stopped(self, why: str) -> None:
@@ -91,7 +105,7 @@ class ChainNodeTwin:
         log: ArmRows,
         arm: int,
         stopped: bool = False,
-        settings: ArmSettings | None = None,
+        settings: Settings | None = None,
         mass: float | None = None,
     ) -> list[ChainFound]:
         """Looks at what the log has since the last call; returns what was found out.
@@ -100,28 +114,53 @@ class ChainNodeTwin:
             log: log of the station.
             arm: what the arm does: FREE, OFFERED or HOLDING.
             stopped: whether it is stopped: what it does then tells nothing of it.
-            settings: None, since its blocks keep the settings of its cell.
+            settings: what its blocks have in the place of the settings of its cell; None for nothing.
             mass: mass of the box that it has or is offered; its monitor does not need it.
         """
         first, self._seen = self._seen, len(log)
         if self._seen < first:  # the arm has begun anew
             self._monitor = None
         self._measure(log, first, stopped)
+        if isinstance(settings, JointSettings) and settings != self._changed:
+            self._adopt(settings)
         if self._known or self._seen <= first or stopped:
             return []
+        new = log.since(first)
+        self._look(new.q, new.target)
         if self._monitor is None:
             if arm == FREE:
                 return []
             self._monitor, self._told = ArmMonitor(self._settings.arm), 0
+            if self._changed is not None:
+                self._monitor.adjust(self._adjustment)
         if log.forgotten > first:
             self._monitor.miss(log.forgotten - first)
-        self._monitor.follow(*log.since(first))
+        self._monitor.follow(*new)
         found = self._monitor.history[self._told :]
         self._told += len(found)
         for each in found:
             self.capability = self.judged(each)
             self._known = self.capability.ability == "nothing"
         return [ChainFound(each, self._settings.arm) for each in found]
+
+    def _adopt(self, settings: JointSettings) -> None:
+        """Takes note that the blocks have other settings from now on, and count on what they say of the arm."""
+        self._changed, self._adjustment, self._from = settings, settings.adjustment, self._seen
+        self._tried.change()
+        self._work = MeasuredWork(self._places, self._settings.arm.period)
+        if self._monitor is not None:
+            self._monitor.adjust(settings.adjustment)
+            self._told = len(self._monitor.history)
+        if self.capability.settings != settings:
+            self.capability = self._rehearsed(settings.adjustment, "other settings are in force")
+
+    def _look(self, q: Array, target: Array) -> None:
+        """Takes note of whether the arm stands, and of how far it is from its path."""
+        period = self._settings.arm.period
+        path = target[-round(_STANDS / period) :]
+        self.rests = len(path) > 1 and float(np.ptp(path, axis=0).max()) <= _STILL
+        if len(q):
+            self._tried.note(float(np.abs(target - q).max()), (self._seen - self._from) * period / PERIOD)
 
     def _measure(self, log: ArmRows, first: int, stopped: bool) -> None:
         """Measures how long it works from the ticks of a log from a number on."""
@@ -135,36 +174,32 @@ class ChainNodeTwin:
         return "angles unknown" if found.finding.angles_unknown else "failed"
 
     def judged(self, found: ChainFinding) -> Capability:
-        """What the arm can do with a finding: nothing where it must stand, else what its drives can hold at rest."""
+        """What the arm can do with a finding, as recovery's table of answers, weights and a rehearsal say."""
         arm = self._settings.arm
-        answer = answer_to(found, arm, Adjustment.none(len(arm)))
+        answer = answer_to(found, arm, self._adjustment)
         if answer.measure == "go on":
             return self.capability
-        if answer.measure == "stop":
+        if answer.adjustment is None:
             return Capability("nothing", (), answer.text)
-        lost = np.zeros(len(arm))
-        if found.kind == "K" and found.joint is not None:
-            lost[found.joint - 1] = found.size
-        lightest, heaviest = self._masses
-        unheld = {mass: self._beyond(mass, lost) for mass in (*self._classes, lightest)}
-        heavy = unheld[heaviest]
-        ability, places = held_at(self._places, heavy, unheld[lightest])
-        loads = heaviest_held(self._places, self._classes, unheld)
-        lighter = tuple((place, mass) for place, mass in loads.items() if mass < heaviest)
-        if lighter:
-            ability = "lighter boxes" if len(loads) == len(self._places) else "some places"
-        beyond = f"it cannot hold {heaviest:g} kg at {', '.join(sorted(heavy))}" if heavy else "it can hold every box"
-        return Capability(ability, places, f"{found.text(arm)}: {beyond}", lighter=lighter)
+        return self._rehearsed(answer.adjustment, found.text(arm))
+
+    def _rehearsed(self, adjustment: Adjustment, why: str) -> Capability:
+        """What an arm can do of which something is known: what its drives hold at rest, and bring in a rehearsal."""
+        lost = 1.0 - np.array(adjustment.strength)
+        masses = (*self._classes, self._masses[0])
+        beyond = {mass: self._beyond(mass + max(adjustment.load, 0.0), lost) for mass in masses}
+        trials = Trials(partial(joints_rehearsed, self.plan, adjustment), rehearsed(self.plan))
+        return capability_of(self._places, masses, beyond, trials, why)
 
     def _able(self) -> Capability:
         return Capability("all", self._places, "nothing is wrong")
 
-    def _beyond(self, mass: float, lost: np.ndarray[tuple[int], np.dtype[np.float64]]) -> list[str]:
+    def _beyond(self, mass: float, lost: Array) -> list[str]:
         """The places at which drives that have lost some of their torque hold a mass (kg) without reserve."""
         shares = self._shares(mass, lost)
         return [name for name, share in shares.items() if share > max(1.0 - RESERVE, self._usual[name])]
 
-    def _shares(self, mass: float, lost: np.ndarray[tuple[int], np.dtype[np.float64]]) -> dict[str, float]:
+    def _shares(self, mass: float, lost: Array) -> dict[str, float]:
         """Share of its largest torque that the drive with the least left needs at rest, by the place."""
         arm, poses = self._settings.arm, self._settings.poses.positions
         still = np.zeros_like(poses)

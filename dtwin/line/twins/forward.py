@@ -67,6 +67,26 @@ class Forward:
     def _left(
         self, zones: Collection[int], now: Situation, change: Change, horizon: float, arrivals: Passing | None
     ) -> Passing | None:
+        started = self.started(zones, now, change)
+        if started is None:
+            return None
+        plant, control = started
+        ends = _Ends(self._line, plant, change.assignment, arrivals)
+        for _ in range(round(horizon / CYCLE)):
+            plant.advance()
+            ends.look()
+            control.step(plant)
+            plant.events.clear()
+        return tuple(ends.left)
+
+    def started(self, zones: Collection[int], now: Situation, change: Change) -> tuple[Plant, Control] | None:
+        """Plant and control that go on from what the line is, set up otherwise; None if a zone refuses that.
+
+        Args:
+            zones: numbers of the zones that go on.
+            now: what the line is.
+            change: what is otherwise from then on.
+        """
         line = self._line
         names = {station.name for number in zones for station in line.zones[number].stations}
         stations = {name: TimedStation(change.times[name]) for name in names}
@@ -80,13 +100,7 @@ class Forward:
         plant.active, control.stopped = tuple(zones), set(change.stopped)
         if not all(control.set_up_zone(number, change.assignment) for number in zones):
             return None
-        ends = _Ends(line, plant, change.assignment, arrivals)
-        for _ in range(round(horizon / CYCLE)):
-            plant.advance()
-            ends.look()
-            control.step(plant)
-            plant.events.clear()
-        return tuple(ends.left)
+        return plant, control
 
 
 class _Ends:

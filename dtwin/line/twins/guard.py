@@ -6,17 +6,18 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from dtwin.bus.line.plant import ArmSettings
+from dtwin.bus.line.plant import Settings
 from dtwin.line.line import Load
 from dtwin.line.station import FREE
+from dtwin.line.twins.ability import Capability
 from dtwin.line.twins.decisions import Decision, Mode, Note
-from dtwin.line.twins.node import Capability, Node
+from dtwin.line.twins.node import Node
 
 StopState = Literal["failed", "angles unknown"]
 """What the blocks of a station are told of an arm that is to be stopped."""
 StopArm = Callable[[str, StopState, str], None]
 """Has the blocks of a station stop its arm: called with the station, the state of the arm, and why."""
-SetArm = Callable[[str, ArmSettings, str], None]
+SetArm = Callable[[str, Settings, str], None]
 """Has the blocks of a station work with other settings: called with the station, the settings, and why."""
 
 
@@ -70,7 +71,7 @@ class Guard:
         return [f"{station} can do nothing"]
 
     def look(
-        self, station: str, log: Any, arm: int, stop: int, time: float, settings: ArmSettings | None = None
+        self, station: str, log: Any, arm: int, stop: int, time: float, settings: Settings | None = None
     ) -> list[str]:
         """Looks at what an arm has done since the last look.
 

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
 from typing import Any, Final, Literal, Protocol
 
 import numpy as np
 
-from dtwin.bus.line.plant import ArmSettings
-from dtwin.line.line import Load, StationPlan
+from dtwin.bus.line.plant import ArmSettings, Settings
+from dtwin.line.line import StationPlan
 from dtwin.line.station import FREE, WorkTimes, believed_settings
-from dtwin.line.twins.rehearsal import AWAY, Rehearsed, longest, rehearsed, rehearsed_anew
+from dtwin.line.twins.ability import Capability, Trials, capability_of
+from dtwin.line.twins.rehearsal import AWAY, rehearsed, rehearsed_anew
+from dtwin.line.twins.tried import SETTLED, Tried
 from dtwin.logs.collecting import RunLog
 from dtwin.monitoring.estimation.belief import NOISE_FLOOR, assumed
 from dtwin.monitoring.kinds import RELATIVE, SUPPLY, arm_state
@@ -23,54 +26,20 @@ from dtwin.parameters import PARAMETER_NAMES, ArmParameters, scaled
 from dtwin.recovery.answers import answer_to
 from dtwin.recovery.strength import Strength
 
-Ability = Literal["all", "slower", "some places", "lighter boxes", "nothing"]
-"""What an arm can still do."""
 LATE: Final = 3000
 """Ticks after which an arm that has not finished a box is late."""
 BEFORE: Final = 12_000
 """Ticks before a suspicion that the monitor gets: it must see the arm at work to know that its model fits."""
 AFTER: Final = 1000
 """Ticks for which it goes on after the last suspicion."""
-SETTLED: Final = 800
-"""Ticks that an arm takes to come to its path at the start, or after it was released."""
-TRIAL: Final = 3000
-"""Ticks after SETTLED for which settings that were changed are on trial."""
 _STANDS: Final = 20
 """Ticks for which the path of an arm at rest has not moved at least."""
 _STILL: Final = 0.002
 """Range within which it may have, rad: of a path that was lost on its way, only what encoders read is known."""
 _BOXES: Final = 100
 """Number of boxes whose masses are remembered: more than an arm has within BEFORE."""
-SLOWER: Final = 1.05
-"""Share of its usual time for a box from which on an arm works slower."""
 LEAST: Final = 1e-6
 """Least value of a parameter that was found to be less, SI units."""
-
-
-@dataclass(frozen=True, slots=True)
-class Capability:
-    """What an arm can still do, and why.
-
-    Attributes:
-        ability: in one word.
-        places: the places of its cell to which it can bring the heaviest box of the line.
-        why: in words.
-        settings: settings of its blocks with which it can do that; None for those in force.
-        times: how long its work takes with them; None for as long as usual.
-        lighter: other places to which it can bring lighter boxes, and the largest mass of their classes, kg.
-    """
-
-    ability: Ability
-    places: tuple[str, ...]
-    why: str
-    settings: ArmSettings | None = None
-    times: WorkTimes | None = None
-    lighter: tuple[Load, ...] = ()
-
-    def holds(self, load: Load) -> bool:
-        """Whether it can bring a box of a mass (kg) to a place."""
-        place, mass = load
-        return place in self.places or mass <= dict(self.lighter).get(place, 0.0)
 
 
 class Found(Protocol):
@@ -107,46 +76,13 @@ class Node(Protocol):
         log: Any,
         arm: int,
         stopped: bool = False,
-        settings: ArmSettings | None = None,
+        settings: Settings | None = None,
         mass: float | None = None,
     ) -> Sequence[Found]:
         """Looks at what the log of its arm has since the last call; returns what was found out."""
 
     def state_of(self, finding: Any) -> Literal["failed", "angles unknown"]:
         """What a finding means to the blocks' safe stop."""
-
-
-def held_at(places: Sequence[str], heavy: Collection[str], light: Collection[str]) -> tuple[Ability, tuple[str, ...]]:
-    """What an arm can do by what its drives can hold at rest, and the places where that is the heaviest box.
-
-    Args:
-        places: names of the places of its cell, beside "pickup".
-        heavy: places at which it cannot hold the heaviest box.
-        light: those at which it cannot hold the lightest one.
-    """
-    held = () if "pickup" in heavy else tuple(place for place in places if place not in heavy)
-    if not heavy:
-        return "all", held
-    if held:
-        return "some places", held
-    return ("nothing" if light else "lighter boxes"), held
-
-
-def heaviest_held(
-    places: Sequence[str], classes: Sequence[float], beyond: Mapping[float, Collection[str]]
-) -> dict[str, float]:
-    """The largest mass of a class of boxes that an arm can hold at rest, by the place, kg.
-
-    Args:
-        places: names of the places of its cell, beside "pickup".
-        classes: largest masses of the classes, the heaviest first, kg.
-        beyond: places at which it cannot hold such a mass.
-    """
-    found: dict[str, float] = {}
-    for mass in classes:
-        if "pickup" not in beyond[mass]:
-            found |= {place: mass for place in places if place not in beyond[mass] and place not in found}
-    return {place: found[place] for place in places if place in found}
 
 
 class NodeTwin:
@@ -174,7 +110,7 @@ class NodeTwin:
         self._known = False
         self._settings: ArmSettings | None = None
         self.rests = False
-        self._before = self._after = 0.0
+        self._tried = Tried()
 
     def _believe(self, arm: ArmParameters) -> None:
         """Takes the arm to be one with these parameters."""
@@ -191,23 +127,19 @@ class NodeTwin:
     @property
     def doubt(self) -> str:
         """Why settings that are on trial make the arm worse, "" if they do not."""
-        if self._settings is None or self._after <= max(AWAY, self._before):
-            return ""
-        return (
-            f"with the settings on trial it was {1e3 * self._after:.0f} mrad from its path,"
-            f" {1e3 * self._before:.0f} mrad before"
-        )
+        return self._tried.doubt
 
     def repaired(self) -> None:
         """The arm is as it was made to be; what it does is watched from here on."""
         self.capability, self._known, self._settings = self._able(), False, None
         self._believe(self._healthy)
-        self._before = self._after = 0.0
+        self._tried = Tried()
         self._monitor, self._from, self._suspected_until, self._busy_since = None, self._seen, 0, None
 
     def _adopt(self, settings: ArmSettings, rows: int) -> None:
         """Takes note that the blocks have other settings from a tick on, whose model is the arm as it is known."""
-        self._settings, self._before, self._after = settings, max(self._before, self._after), 0.0
+        self._settings = settings
+        self._tried.change()
         self._believe(settings.model)
         self._monitor, self._from, self._suspected_until = None, rows, 0
         if self.capability.settings != settings:
@@ -218,7 +150,7 @@ class NodeTwin:
         log: RunLog,
         arm: int,
         stopped: bool = False,
-        settings: ArmSettings | None = None,
+        settings: Settings | None = None,
         mass: float | None = None,
     ) -> list[Finding]:
         """Looks at what the log has since the last call; returns what was found out.
@@ -240,7 +172,7 @@ class NodeTwin:
         self._seen = rows
         if mass is not None and (not self._weighed or self._weighed[-1][1] != mass):
             self._weighed.append((first, mass))
-        if settings is not None and settings != self._settings:
+        if isinstance(settings, ArmSettings) and settings != self._settings:
             self._adopt(settings, first)
         if self._known or rows == first:
             return []
@@ -248,7 +180,7 @@ class NodeTwin:
         self._busy_since = self._busy_since if arm != FREE and self._busy_since is not None else rows
         away = np.abs(new.stack("target") - new.stack("measured")).max()
         late = arm != FREE and not stopped and rows - self._busy_since > LATE
-        self._try(away, rows)
+        self._tried.note(away, rows - self._from)
         path = new.stack("target")[-_STANDS:]
         self.rests = len(path) == _STANDS and float(np.ptp(path, axis=0).max()) <= _STILL
         if rows > self._from + SETTLED and (away > AWAY or late):
@@ -277,13 +209,6 @@ class NodeTwin:
             monitor.estimator.box_mass = mass
             done = begin
         seen.feed(monitor, done, len(seen))
-
-    def _try(self, away: float, rows: int) -> None:
-        """Takes note of how far the arm was from its path, before settings were changed and on their trial."""
-        if self._settings is None:
-            self._before = max(away, self._before) if rows > self._from + SETTLED else 0.0
-        elif self._from + SETTLED < rows <= self._from + SETTLED + TRIAL:
-            self._after = max(away, self._after)
 
     def stopped(self, why: str) -> None:
         """The arm was stopped, and nobody knows yet what it can do."""
@@ -319,44 +244,7 @@ class NodeTwin:
 
     def _rehearsed(self, arm: ArmParameters, why: str) -> Capability:
         """What an arm can do, as the weights at its places and a rehearsal with other settings say."""
-        lightest, heaviest = self._masses
+        lightest, _ = self._masses
         beyond = {mass: self._strength.beyond(arm, mass) for mass in (*self._classes, lightest)}
-        ability, _ = held_at(self._task.colours, beyond[heaviest], beyond[lightest])
-        loads = heaviest_held(self._task.colours, self._classes, beyond)
-        found, loads = self._within_reach(arm, loads)
-        if found is None:
-            heavy = sorted(beyond[heaviest])
-            words = f"it cannot hold {heaviest:g} kg at {', '.join(heavy)}" if heavy else "it leaves its path"
-            return Capability("nothing" if loads else ability, (), f"{why}: {words}")
-        able = tuple(found.times.carry)
-        places = tuple(place for place in able if loads[place] == heaviest)
-        lighter = tuple((place, loads[place]) for place in able if loads[place] < heaviest)
-        usual = longest(rehearsed(self.plan), able)
-        ability = "slower" if found.cycle > SLOWER * usual else "all"
-        if lighter:
-            ability = "lighter boxes"
-        if len(able) < len(self._task.colours):
-            ability = "some places"
-        words = (
-            f"with a model of that, and {found.settings.target_time:g} s for a motion, it takes {found.cycle:.1f} s"
-            f" for a box of {heaviest if places else max(loads.values()):g} kg instead of {usual:.1f} s,"
-            f" to {', '.join(places or able)}"
-        )
-        if places and lighter:
-            words += "; " + ", ".join(f"of {mass:g} kg at most to {place}" for place, mass in lighter)
-        return Capability(ability, places, f"{why}: {words}", found.settings, found.times, lighter)
-
-    def _within_reach(self, arm: ArmParameters, loads: dict[str, float]) -> tuple[Rehearsed | None, dict[str, float]]:
-        """Settings with which an arm works, and what it brings then: lighter boxes where it leaves its path.
-
-        Args:
-            arm: the arm.
-            loads: the largest masses that its motors can hold at rest, by the place, kg.
-        """
-        while True:
-            found = rehearsed_anew(self.plan, arm, tuple(loads.items())) if loads else None
-            failed = set(loads) - set(() if found is None else found.times.carry)
-            lower = {place: [m for m in self._classes if m < loads[place]] for place in failed}
-            if not any(lower.values()):
-                return found, loads
-            loads = {**loads, **{place: masses[0] for place, masses in lower.items() if masses}}
+        trials = Trials(partial(rehearsed_anew, self.plan, arm), rehearsed(self.plan))
+        return capability_of(self._task.colours, (*self._classes, lightest), beyond, trials, why)

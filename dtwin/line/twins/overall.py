@@ -10,7 +10,7 @@ from typing import Protocol
 from dtwin.bus.line.plant import Passing
 from dtwin.line.line import Assignment, Line
 from dtwin.line.station import WorkTimes
-from dtwin.line.twins.node import Capability
+from dtwin.line.twins.ability import Capability
 from dtwin.line.twins.zone import HORIZON, Flow, simulated
 
 

@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from dtwin.bus.line.plant import ArmSettings
+from dtwin.bus.line.plant import ArmSettings, Settings
 from dtwin.controller.bounds import check_model
 from dtwin.errors import ParameterError
 from dtwin.line.line import Load, StationPlan
@@ -49,7 +49,7 @@ class Rehearsed:
         times: how long it takes then, to the places to which it can bring boxes.
     """
 
-    settings: ArmSettings
+    settings: Settings
     times: WorkTimes
 
     @property
@@ -71,7 +71,7 @@ def rehearsed(plan: StationPlan) -> WorkTimes:
     Raises:
         DtwinError: the cell cannot be, or its arm brings no box to a place.
     """
-    return _rehearsed(_known_of(plan))
+    return _rehearsed(known_of(plan))
 
 
 def rehearsed_anew(plan: StationPlan, arm: ArmParameters, loads: tuple[Load, ...]) -> Rehearsed | None:
@@ -92,10 +92,10 @@ def rehearsed_anew(plan: StationPlan, arm: ArmParameters, loads: tuple[Load, ...
         check_model(arm)
     except ParameterError:
         return None
-    return _rehearsed_anew(_known_of(plan), arm, loads)
+    return _rehearsed_anew(known_of(plan), arm, loads)
 
 
-def _known_of(plan: StationPlan) -> StationPlan:
+def known_of(plan: StationPlan) -> StationPlan:
     """The same plan for all stations that are alike but for what the twin does not know or need."""
     return replace(plan, name="", node="", operations=(), machine=None, seed=0, faults=())
 

@@ -18,8 +18,9 @@ from dtwin.line.line import CYCLE, Assignment, Job, Line
 from dtwin.line.plant import Plant
 from dtwin.line.situation import Situation
 from dtwin.line.station import Station, TimedStation, WorkTimes
+from dtwin.line.twins.ability import Capability
 from dtwin.line.twins.forward import Change, Forward
-from dtwin.line.twins.node import Capability, Node
+from dtwin.line.twins.node import Node
 
 WARM_UP: Final = 150.0
 """Time of a simulation that does not count, s."""
@@ -27,6 +28,8 @@ HORIZON: Final = 600.0
 """Time of a simulation that counts, s."""
 AHEAD: Final = 400.0
 """Time after a change of the set-up in which boxes that leave are counted, s."""
+SETTLING: Final = 60.0
+"""Time after a change of the set-up in which boxes are still where they were before it, s."""
 _AT_ONCE: Final = 1.0
 """Time between boxes where there is always another one, s."""
 
@@ -37,7 +40,7 @@ class Flow:
 
     Attributes:
         assignment: the station of every operation.
-        rate: boxes that leave in an hour.
+        rate: boxes that leave in an hour, the one from now on where that is known.
         left: boxes that leave within AHEAD from now on; None where that is not known.
     """
 
@@ -152,7 +155,7 @@ class ZoneTwin:
         with self._busy:
             self._forward = self._forward or Forward(self._line, self._devices)
             left = self._forward.left_zone(self._number, now, change, AHEAD, arrivals)
-        return Flow(dict(assignment), 3600.0 * len(left) / left[-1][0] if left else 0.0, left)
+        return Flow(dict(assignment), in_an_hour(left or ()), left)
 
     def rate(self, assignment: Assignment) -> float:
         """Boxes an hour that leave the zone when it has filled, there are always more, and room for them."""
@@ -166,6 +169,21 @@ class ZoneTwin:
 def _in_cycles(times: WorkTimes) -> tuple[int, ...]:
     """How long an arm takes in cycles of the line: the least difference that matters to its flow."""
     return tuple(round(time / CYCLE) for time in (times.grip, *times.carry.values(), *times.back.values()))
+
+
+def in_an_hour(left: Passing) -> float:
+    """Boxes that leave in the hour from a change on: first as simulated, then at the rate after SETTLING.
+
+    A way to share the work out that takes longer to come into force may be the better one for as long as it lasts.
+
+    Args:
+        left: boxes that leave within AHEAD.
+    """
+    settled = [time for time, _ in left if time > SETTLING]
+    if len(settled) < 2:
+        return 3600.0 * len(left) / left[-1][0] if left else 0.0
+    rate = (len(settled) - 1) / (settled[-1] - settled[0])
+    return len(left) + rate * (3600.0 - settled[-1])
 
 
 def zone_alone(line: Line, number: int, assignment: Assignment) -> Line:

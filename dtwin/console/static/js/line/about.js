@@ -57,7 +57,7 @@ export function makeDesk(zone) {
 export function stationButtons(name, zone) {
   const station = () => told()?.stations.find((each) => each.name === name);
   /** Whether it is stopped, or works with other settings than those of its cell: a person ends both. */
-  const changed = () => station()?.doing === "stopped" || station()?.target_time > 0;
+  const changed = () => station()?.doing === "stopped" || Boolean(station()?.settings);
   const stop = commandButton({
     name: "stop", title: `Stop ${name}`, confirm: `The arm of ${name} stops where it is and keeps its box. This is no emergency stop.`,
     form: () => ({ station: name }), reason: () => blocked("stop") || (station()?.doing === "stopped" ? "its arm is stopped" : ""),

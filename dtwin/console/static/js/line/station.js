@@ -109,7 +109,7 @@ export function makeStation(name) {
       ["Now", doing(station)],
       ["Its arm can do", ability(station)],
       ["Why", station.why],
-      ...(station.target_time ? [["Other settings", `a model of what it is, ${number(station.target_time, 1)} s for a motion`]] : []),
+      ...(station.settings ? [["Other settings", station.settings]] : []),
       ["Does", operationsOf(name).join(", ") || "nothing"],
       ["Could do, too", twinUnheard() ? "not known" : others.join(", ") || "nothing"],
       ["Waits, work, done", `${box(station.waiting)}, ${box(station.worked)}, ${box(station.finished)}`],

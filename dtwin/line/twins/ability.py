@@ -1,0 +1,152 @@
+"""What the arm of a station can still do: what it can hold at rest, and where it brings that in a rehearsal."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final, Literal
+
+from dtwin.bus.line.plant import Settings
+from dtwin.line.line import Load
+from dtwin.line.station import WorkTimes
+from dtwin.line.twins.rehearsal import Rehearsed, longest
+
+Ability = Literal["all", "slower", "some places", "lighter boxes", "nothing"]
+"""What an arm can still do."""
+SLOWER: Final = 1.05
+"""Share of its usual time for a box from which on an arm works slower."""
+
+
+@dataclass(frozen=True, slots=True)
+class Capability:
+    """What an arm can still do, and why.
+
+    Attributes:
+        ability: in one word.
+        places: the places of its cell to which it can bring the heaviest box of the line.
+        why: in words.
+        settings: settings of its blocks with which it can do that; None for those in force.
+        times: how long its work takes with them; None for as long as usual.
+        lighter: other places to which it can bring lighter boxes, and the largest mass of their classes, kg.
+    """
+
+    ability: Ability
+    places: tuple[str, ...]
+    why: str
+    settings: Settings | None = None
+    times: WorkTimes | None = None
+    lighter: tuple[Load, ...] = ()
+
+    def holds(self, load: Load) -> bool:
+        """Whether it can bring a box of a mass (kg) to a place."""
+        place, mass = load
+        return place in self.places or mass <= dict(self.lighter).get(place, 0.0)
+
+
+def held_at(places: Sequence[str], heavy: Collection[str], light: Collection[str]) -> tuple[Ability, tuple[str, ...]]:
+    """What an arm can do by what its drives can hold at rest, and the places where that is the heaviest box.
+
+    Args:
+        places: names of the places of its cell, beside "pickup".
+        heavy: places at which it cannot hold the heaviest box.
+        light: those at which it cannot hold the lightest one.
+    """
+    held = () if "pickup" in heavy else tuple(place for place in places if place not in heavy)
+    if not heavy:
+        return "all", held
+    if held:
+        return "some places", held
+    return ("nothing" if light else "lighter boxes"), held
+
+
+def heaviest_held(
+    places: Sequence[str], classes: Sequence[float], beyond: Mapping[float, Collection[str]]
+) -> dict[str, float]:
+    """The largest mass of a class of boxes that an arm can hold at rest, by the place, kg.
+
+    Args:
+        places: names of the places of its cell, beside "pickup".
+        classes: largest masses of the classes, the heaviest first, kg.
+        beyond: places at which it cannot hold such a mass.
+    """
+    found: dict[str, float] = {}
+    for mass in classes:
+        if "pickup" not in beyond[mass]:
+            found |= {place: mass for place in places if place not in beyond[mass] and place not in found}
+    return {place: found[place] for place in places if place in found}
+
+
+@dataclass(frozen=True, slots=True)
+class Trials:
+    """Rehearsals of an arm that has changed.
+
+    Attributes:
+        anew: finds settings with which it brings loads, the largest mass to each place; None where there are none.
+        usual: how long the arm took before.
+    """
+
+    anew: Callable[[tuple[Load, ...]], Rehearsed | None]
+    usual: WorkTimes
+
+
+def capability_of(
+    places: Sequence[str],
+    masses: Sequence[float],
+    beyond: Mapping[float, Collection[str]],
+    trials: Trials,
+    why: str,
+) -> Capability:
+    """What an arm can do, as the weights at its places and a rehearsal with other settings say.
+
+    Args:
+        places: names of the places of its cell, beside "pickup".
+        masses: largest masses of the classes of boxes, the heaviest first, and the mass of the lightest box, kg.
+        beyond: places at which it cannot hold such a mass at rest.
+        trials: rehearsals of it.
+        why: what was found of it, in words.
+    """
+    heaviest, classes = masses[0], masses[:-1]
+    ability, _ = held_at(places, beyond[heaviest], beyond[masses[-1]])
+    found, loads = _within_reach(trials, classes, heaviest_held(places, classes, beyond))
+    if found is None:
+        heavy = sorted(beyond[heaviest])
+        words = f"it cannot hold {heaviest:g} kg at {', '.join(heavy)}" if heavy else "it leaves its path"
+        return Capability("nothing" if loads else ability, (), f"{why}: {words}")
+    able = tuple(found.times.carry)
+    full = tuple(place for place in able if loads[place] == heaviest)
+    lighter = tuple((place, loads[place]) for place in able if loads[place] < heaviest)
+    usual = longest(trials.usual, able)
+    ability = "slower" if found.cycle > SLOWER * usual else "all"
+    if lighter:
+        ability = "lighter boxes"
+    if len(able) < len(places):
+        ability = "some places"
+    words = (
+        f"with {found.settings.text()}, it takes {found.cycle:.1f} s"
+        f" for a box of {heaviest if full else max(loads.values()):g} kg instead of {usual:.1f} s,"
+        f" to {', '.join(full or able)}"
+    )
+    if full and lighter:
+        words += "; " + ", ".join(f"of {mass:g} kg at most to {place}" for place, mass in lighter)
+    if heavy := sorted(set(beyond[heaviest]) - set(loads)):
+        words += f"; it cannot hold {heaviest:g} kg at {', '.join(heavy)}"
+    return Capability(ability, full, f"{why}: {words}", found.settings, found.times, lighter)
+
+
+def _within_reach(
+    trials: Trials, classes: Sequence[float], loads: dict[str, float]
+) -> tuple[Rehearsed | None, dict[str, float]]:
+    """Settings with which an arm works, and what it brings then: lighter boxes where it leaves its path.
+
+    Args:
+        trials: rehearsals of it.
+        classes: largest masses of the classes of boxes, the heaviest first, kg.
+        loads: the largest masses that its motors can hold at rest, by the place, kg.
+    """
+    while True:
+        found = trials.anew(tuple(loads.items())) if loads else None
+        failed = set(loads) - set(() if found is None else found.times.carry)
+        lower = {place: [mass for mass in classes if mass < loads[place]] for place in failed}
+        if not any(lower.values()):
+            return found, loads
+        loads = {**loads, **{place: masses[0] for place, masses in lower.items() if masses}}
