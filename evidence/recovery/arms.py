@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Final
 import numpy as np
 
 from dtwin.arm.adjustment import Adjustment
-from dtwin.arm.chain import Arm, Array
+from dtwin.arm.chain import Arm, Array, Joint
 from dtwin.arm.effort import BEFORE, ahead, effort_of
 from dtwin.campaign.spread import Progress
 from dtwin.commands.frame import at_least
@@ -37,6 +37,8 @@ _AT_ONCE: Final = 20
 """Ticks that are judged together."""
 _CLOSE: Final = 0.15
 """Largest difference of what is compensated from what there is, in parts of it."""
+_SLOW: Final = 0.02
+"""Speed in parts of the largest one below which friction is not compared."""
 _WORSE: Final = 2.0
 """How much farther from its path the arm may be afterwards than it was before."""
 
@@ -147,7 +149,7 @@ def _judged(machine: int, fault: ChainFault, operator: ArmOperator, ran: ChainRu
         steps,
         len(steps) < len(operator.steps),
         operator.stopped or ran.stop > 0,
-        _is_close(operator.adjustment, fault, ran.settings.arm),
+        _is_close(operator.adjustment, _compensating(fault, ran)),
         _tracking(ran, fault),
     )
 
@@ -188,26 +190,49 @@ def arm_recovery(name: str, cases: int, seed: int, after: float, progress: Progr
     return tuple(found)
 
 
-def _is_close(now: Adjustment, fault: ChainFault, arm: Arm) -> bool:
-    """Whether the blocks count on what there is and on nothing else."""
-    truth = Adjustment.none(len(arm))
+def _compensating(fault: ChainFault, ran: ChainRun) -> tuple[Adjustment, float]:
+    """What compensates a fault and nothing else, and the largest mass that the arm can hold, kg.
 
-    def with_one(values: tuple[float, ...]) -> tuple[float, ...]:
-        return (*values[: fault.joint], fault.value, *values[fault.joint + 1 :])
+    Blocks have the data sheet's friction; more of a drawn machine's is another part of it.
+    """
+    arm, machine = ran.settings.arm, ran.settings.machine.arm
+    truth, k = Adjustment.none(len(arm)), fault.joint
+
+    def with_one(values: tuple[float, ...], value: float) -> tuple[float, ...]:
+        return (*values[:k], value, *values[k + 1 :])
 
     if fault.kind == "K":
-        truth = replace(truth, strength=with_one(truth.strength))
+        truth = replace(truth, strength=with_one(truth.strength, fault.value))
     elif fault.kind == "friction":
-        truth = replace(truth, friction=with_one(truth.friction))
+        before = ran.t < fault.start
+        rate = np.gradient(ran.true[before, k], arm.period)
+        lost = [_friction(each.joints[k], rate, ran.effort[before, k]) for each in (machine, arm)]
+        share = float(lost[0] @ lost[1] / (lost[1] @ lost[1]))
+        truth = replace(truth, friction=with_one(truth.friction, 1.0 + share * (fault.value - 1.0)))
     elif fault.kind == "bias":
-        truth = replace(truth, offset=with_one(truth.offset))
+        truth = replace(truth, offset=with_one(truth.offset, fault.value))
     elif fault.kind == "load":
         truth = replace(truth, load=fault.value)
+    return truth, arm.most_load
+
+
+def _friction(joint: Joint, rate: Array, effort: Array) -> Array:
+    """The friction of a joint, (N,), N m or N, at velocities, (N,), while its drive gives an effort, (N,)."""
+    moves = np.abs(rate) > _SLOW * np.abs(rate).max()
+    carried = np.abs(effort * (joint.actuator.constant or 1.0))
+    dry = (joint.friction.coulomb + joint.friction.load * carried) * np.sign(rate)
+    found: Array = np.where(moves, joint.friction.viscous * rate + dry, 0.0)
+    return found
+
+
+def _is_close(now: Adjustment, wanted: tuple[Adjustment, float]) -> bool:
+    """Whether the blocks count on what there is and on nothing else."""
+    truth, most = wanted
     return bool(
         np.allclose(now.strength, truth.strength, rtol=_CLOSE)
         and np.allclose(now.friction, truth.friction, rtol=2.0 * _CLOSE)
         and np.allclose(now.offset, truth.offset, rtol=_CLOSE, atol=0.001)
-        and np.isclose(now.load, truth.load, rtol=_CLOSE, atol=0.02 * arm.most_load)
+        and np.isclose(now.load, truth.load, rtol=_CLOSE, atol=0.02 * most)
     )
 
 

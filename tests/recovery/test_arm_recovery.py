@@ -131,3 +131,34 @@ def test_an_arm_that_counts_on_a_further_load_is_not_suspected_of_anything_else(
     case = recovery_case("six-axis", 5002, np.random.default_rng([5002, 9]), "load", after=20.0)
     assert [step.answer.measure for step in case.steps] == ["load"]
     assert not case.consequences
+
+
+def test_more_friction_is_told_in_parts_of_what_the_blocks_have() -> None:
+    """A machine with twice the data sheet's friction, which then doubles, has four times the data sheet's."""
+    settings = ArmCell(arm="planar-2r", machine="nominal").settings(75.0, 3)
+    lossy = replace(
+        settings.machine.arm,
+        joints=tuple(
+            replace(
+                joint,
+                friction=replace(
+                    joint.friction, viscous=2.0 * joint.friction.viscous, coulomb=2.0 * joint.friction.coulomb
+                ),
+            )
+            for joint in settings.machine.arm.joints
+        ),
+    )
+    machine = replace(settings.machine, arm=lossy)
+    ran = run(replace(settings, machine=machine, faults=(parse_chain_fault("friction1*=2@64", 2),)))
+    monitor = ArmMonitor(ARM, 60.0)
+    monitor.follow(ran.t, ran.q, ran.target, ran.effort)
+    (found,) = monitor.history
+    assert found.cause == "friction1"
+    assert found.size == pytest.approx(2.0, rel=0.2)
+    answer = answer_to(found, ARM, NONE)
+    assert answer.adjustment is not None
+    assert answer.adjustment.friction == pytest.approx((3.0, 1.0), rel=0.15)
+    monitor.adjust(answer.adjustment)
+    later = run(replace(settings, machine=machine, duration=30.0, faults=(parse_chain_fault("friction1*=2@0", 2),)))
+    monitor.follow(later.t + ran.t[-1], later.q, later.target, later.effort)
+    assert monitor.finding is None
