@@ -252,7 +252,7 @@ class Drives:
         return replace(found, size=found.size * self._unit(found.cause))
 
     def _unit(self, cause: str) -> float:
-        """Friction is found in parts of what was learned, and told in those of the data sheet, which the blocks have."""
+        """Friction is found in parts of what was learned, and told in those of the data sheet: blocks have that."""
         if not cause.startswith("friction"):
             return 1.0
         return float(self.expected.share[int(cause.removeprefix("friction")) - 1])

@@ -13,6 +13,7 @@ from typing import Final
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
 from scipy.signal import savgol_coeffs
 
 from dtwin.arm.chain import Arm, Array, steiner
@@ -45,7 +46,8 @@ class Filtered:
         q: positions, (N, n).
         qd: velocities, (N, n).
         qdd: accelerations, (N, n).
-        effort: commands that act, (N, n), in the units of the drives.
+        effort: commands that act, (N, n), in the units of the drives; 0 where they are not known.
+        known: where it is known what the arm carries, (N,).
     """
 
     t: Array
@@ -53,10 +55,11 @@ class Filtered:
     qd: Array
     qdd: Array
     effort: Array
+    known: NDArray[np.bool_]
 
 
 def filtered(arm: Arm, t: Array, q: Array, effort: Array) -> Filtered:
-    """Filters a log: t (N,), s; positions and effort (N, n).
+    """Filters a log: t (N,), s; positions and effort (N, n), NaN where nobody knows what the arm carries.
 
     Raises:
         RecordingError: it is shorter than the filter.
@@ -68,7 +71,8 @@ def filtered(arm: Arm, t: Array, q: Array, effort: Array) -> Filtered:
     positions, efforts = (sliding_window_view(values, WINDOW, axis=0)[::EVERY] for values in (q, effort))
     q, qd, qdd = np.einsum("njw,ow->onj", positions, weights)
     acting = np.einsum("njw,w->nj", efforts, weights[0])
-    return Filtered(t[half : len(t) - half : EVERY], q, qd, qdd, acting)
+    known = np.isfinite(acting).all(axis=1)
+    return Filtered(t[half : len(t) - half : EVERY], q, qd, qdd, np.where(known[:, None], acting, 0.0), known)
 
 
 @lru_cache(maxsize=8)
@@ -132,7 +136,7 @@ class Expected:
             self.values = self._mean + found
             left = weights * (log.effort - columns @ self.values)
             scores = np.einsum("njp,nj->np", scaled, left / self.noise)
-            self.noise = np.maximum(np.sqrt(np.mean(left**2, axis=0)), 1e-9)
+            self.noise = np.maximum(np.sqrt(np.sum(left**2, axis=0) / max(1, log.known.sum())), 1e-9)
         rows = max(1, round(BLOCK / (EVERY * self._arm.period)))
         sums = np.add.reduceat(scores, np.arange(0, len(scores), rows), axis=0)
         inverse = np.linalg.inv(curvature)
@@ -206,9 +210,12 @@ class Expected:
         return slopes
 
     def _weights(self, log: Filtered) -> Array:
-        """1 where a joint moves, less where it is so slow that dry friction may act either way, (N, n)."""
-        known: Array = np.clip(np.abs(log.qd) / self._slow, 0.0, 1.0)
-        return known
+        """1 where a joint moves, less where it is so slow that dry friction may act either way, (N, n).
+
+        0 where nobody knows what the arm carries.
+        """
+        sure: Array = np.clip(np.abs(log.qd) / self._slow, 0.0, 1.0) * log.known[:, None]
+        return sure
 
     def _columns(self, log: Filtered) -> Array:
         """Of links (10 n), rotors, viscous, dry and load-dependent friction, and offsets (n each): (N, n, 15 n)."""
