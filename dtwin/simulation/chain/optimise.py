@@ -166,7 +166,7 @@ def optimise_arm(
     in_use = objective.settings.control.tuning
     reference = score(replace(objective, limits=None), in_use)
     if reference.broken:
-        raise ParameterError(f"the settings in use cannot be compared with: {reference.broken}")
+        raise ParameterError(f"nothing can be compared with the settings in use, which fail: {reference.broken}")
     objective = replace(objective, reference=reference.terms)
     lower, upper = _bounds(objective.settings)
     present = np.log([in_use.pole, in_use.observer, in_use.speed])
