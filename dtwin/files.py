@@ -114,4 +114,6 @@ def append_whole(file: int, data: bytes, *, sync: bool = False) -> None:
 
 def reason_of(error: OSError) -> str:
     """The operating system's text of an error; the text of Arrow would name temporary files."""
+    if isinstance(error, FileNotFoundError):
+        return os.strerror(errno.ENOENT)  # Arrow's has no number, and names the file alone
     return os.strerror(error.errno) if error.errno else str(error).splitlines()[0]

@@ -129,13 +129,17 @@ def drawn_task(arm: Arm, seed: int) -> Sorting:
     raise ParameterError(f"arm {arm.name}: none of {_TRIES} drawn tasks can be done: expected --sort with a task")
 
 
+def sorting(settings: ChainSettings, task: Sorting) -> ChainSettings:
+    """A run whose arm does a sorting task instead. Raises UnreachableError."""
+    poses = sorting_poses(settings.arm, task)
+    arm = with_reserve(settings.arm, poses, task.mass[1])
+    return replace(settings, arm=arm, poses=poses, sorting=task)
+
+
 def settings_of(item: ArmWork) -> ChainSettings:
     """The run of a piece of work."""
     cell = ArmCell(arm=item.arm, machine=str(item.machine), late=int(item.under == LATE))
-    settings = cell.settings(item.duration, item.machine)
-    poses = sorting_poses(settings.arm, item.task)
-    arm = with_reserve(settings.arm, poses, item.task.mass[1])
-    settings = replace(settings, arm=arm, poses=poses, sorting=item.task)
+    settings = sorting(cell.settings(item.duration, item.machine), item.task)
     if item.under in (ELASTIC, WORN):
         arm = with_gears(settings.arm, _WEAR if item.under == WORN else 1.0)
         control = control_of(arm, settings.late)

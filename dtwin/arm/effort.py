@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dtwin.arm.chain import Arm, Array, servo_torque
 
@@ -62,4 +63,11 @@ def _velocity(q: Array, period: float) -> Array:
     found: Array = np.gradient(q, period, axis=0)
     if len(q) > 2 * _AHEAD:
         found[2:-2] = (8.0 * (q[3:-1] - q[1:-3]) - (q[4:] - q[:-4])) / (12.0 * period)
+    return found
+
+
+def unladen(effort: Array, gripped: NDArray[np.bool_]) -> Array:
+    """What acts, (N, n); NaN where the gripper is closed, (N,), or was a sample ago, as nobody has weighed a box."""
+    held = gripped | np.concatenate([gripped[:1], gripped[:-1]])
+    found: Array = np.where(held[:, None], np.nan, effort)
     return found

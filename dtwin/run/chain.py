@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.arm.chain import Arm, Array, Commanded, holding, servo_torque
-from dtwin.arm.effort import effort_of
+from dtwin.arm.effort import effort_of, unladen
 from dtwin.arm.poses import Poses, ranges
 from dtwin.arm.sorting import Sorting
 from dtwin.controller.chain.application import Control, inputs
@@ -127,6 +127,11 @@ class ChainRun:
     def effort(self) -> Array:
         """What acts at the times of the samples, (N, n), in the units of the drives, or their loops' torque."""
         return effort_of(self.settings.arm, self.q, self.command, self.settings.late)
+
+    @property
+    def unladen(self) -> Array:
+        """The same without what acts while a box is held, of which nobody knows the mass: NaN."""
+        return unladen(self.effort, self.places[:, 1] > 0.0) if self.boxes is not None else self.effort
 
     def measurement(self) -> Measurement:
         """What a log of the run tells: positions, effort, desired positions."""

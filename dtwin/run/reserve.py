@@ -63,7 +63,7 @@ def asked_share(arm: Arm, poses: Poses, heaviest: float, factor: float = 1.0) ->
     """
     begin, end = _ways(poses.positions.reshape(-1, 3, len(arm)))
     largest = np.array([joint.largest for joint in arm.joints])
-    return max(float((_asked(each, begin, end, factor) / largest).max()) for each in (arm, holding(arm, heaviest)))
+    return max(float((asked(each, begin, end, factor) / largest).max()) for each in (arm, holding(arm, heaviest)))
 
 
 def _ways(rows: Array) -> tuple[Array, Array]:
@@ -75,7 +75,7 @@ def _ways(rows: Array) -> tuple[Array, Array]:
     return pairs[:, 0], pairs[:, 1]
 
 
-def _asked(arm: Arm, begin: Array, end: Array, factor: float) -> Array:
+def asked(arm: Arm, begin: Array, end: Array, factor: float = 1.0) -> Array:
     """Largest torque that each drive is asked for on ways there and back, (n,), N m or N.
 
     Args:

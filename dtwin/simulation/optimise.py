@@ -117,7 +117,7 @@ def optimise(
     base = objective.base
     reference = score(replace(objective, limits=UNLIMITED), base.target_time, base.gains)
     if reference.broken:
-        raise ParameterError(f"the settings in use cannot be compared with: {reference.broken}")
+        raise ParameterError(f"nothing can be compared with the settings in use, which fail: {reference.broken}")
     objective = replace(objective, reference=reference.terms)
     lower, upper = _bounds(low, high, base.gains)
     present = np.log(np.maximum([base.target_time, *base.gains.kp, *base.gains.ki, *base.gains.kd], np.exp(lower)))

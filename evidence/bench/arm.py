@@ -18,8 +18,9 @@ from dtwin.emulation.chain.steps.raw import raw_chain_ticks, replayed_chain
 from dtwin.equations.native import NativeChain
 from dtwin.run.arm_cell import ArmCell
 from dtwin.run.chain import ChainSettings, run
-from dtwin.simulation.chain.simulator import ArmSimulator
-from dtwin.simulation.chain.whatif import ArmChange, loops_of
+from dtwin.run.margins.chain import margins
+from dtwin.simulation.chain.simulator import POSES, ArmSimulator
+from dtwin.simulation.chain.whatif import ArmChange
 from dtwin.terminal import print_json, print_table
 
 WHAT_IF: Final = 4.0
@@ -82,7 +83,7 @@ def _parts(settings: ChainSettings) -> dict[str, Callable[[], object]]:
     return {
         "dynamics": lambda: chain.forward_dynamics(*states),
         "what-if": lambda: simulator.run(start, ArmChange(), WHAT_IF),
-        "margins": lambda: loops_of(settings, ArmModel.of(arm), ArmChange()),
+        "margins": lambda: margins(arm, settings.control, POSES, late=settings.late),
         "plant": lambda: plant(ticks),
         "same motion": replayed_chain(settings.machine, start, run(settings).command),
         "closed loop": lambda: run(settings),

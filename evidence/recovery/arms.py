@@ -8,8 +8,8 @@ from typing import Any, ClassVar, Final
 import numpy as np
 
 from dtwin.arm.adjustment import Adjustment
-from dtwin.arm.chain import Arm, Array
-from dtwin.arm.effort import BEFORE, ahead, effort_of
+from dtwin.arm.chain import Arm, Array, Joint
+from dtwin.arm.effort import BEFORE, ahead, effort_of, unladen
 from dtwin.campaign.spread import Progress
 from dtwin.commands.frame import at_least
 from dtwin.controller.chain.embedded import ChainController
@@ -20,6 +20,7 @@ from dtwin.recovery.chain.answers import MEASURES
 from dtwin.recovery.chain.operator import ArmOperator, Step
 from dtwin.run.arm_cell import ArmCell
 from dtwin.run.chain import ChainRun, ChainSettings, run
+from evidence.arm_sorting import FARTHEST, drawn_task, sorting
 from evidence.experiment import ExperimentCommand
 from evidence.report import Report
 
@@ -37,6 +38,8 @@ _AT_ONCE: Final = 20
 """Ticks that are judged together."""
 _CLOSE: Final = 0.15
 """Largest difference of what is compensated from what there is, in parts of it."""
+_SLOW: Final = 0.02
+"""Speed in parts of the largest one below which friction is not compared."""
 _WORSE: Final = 2.0
 """How much farther from its path the arm may be afterwards than it was before."""
 
@@ -53,6 +56,9 @@ class Case:
         stopped: whether the arm was stopped in the end.
         close: whether the blocks count on what there is, to 15 %.
         tracking: largest distance from the path at the end, in parts of that before the fault, of the worst joint.
+        boxes: boxes that came to wait.
+        lost: those that were neither put down, nor are held, nor wait at the end.
+        astray: those that were put down more than 5 mm from their places.
     """
 
     machine: int
@@ -62,6 +68,9 @@ class Case:
     stopped: bool
     close: bool
     tracking: float
+    boxes: int = 0
+    lost: int = 0
+    astray: int = 0
 
     @property
     def expected(self) -> str:
@@ -70,8 +79,8 @@ class Case:
 
     @property
     def right(self) -> bool:
-        """Whether the arm stands where it has to, and else works on with what there is, as it did before."""
-        if self.early:
+        """Whether the arm stands where it has to, and else works on as before and loses no box."""
+        if self.early or self.lost:
             return False
         if self.expected == "stop":
             return self.stopped
@@ -99,6 +108,7 @@ class Onlooker:
     def __init__(self, settings: ChainSettings) -> None:
         self._settings = settings
         self._seen = 0
+        self._gripped: list[bool] = []
         self.operator: ArmOperator | None = None
 
     def __call__(self, blocks: ChainController, rows: Array, done: int) -> None:
@@ -106,30 +116,37 @@ class Onlooker:
         arm, late = self._settings.arm, self._settings.late
         if self.operator is None:
             self.operator = ArmOperator(arm, blocks)
+        self._gripped.append(blocks.grips)
         if done - self._seen < _AT_ONCE:
             return
         later = ahead(arm)
         begin, end = max(0, self._seen - later), done - later
         first = max(0, begin - late - BEFORE)
-        effort = effort_of(arm, rows[0, first:done], rows[2, first:done], late)[begin - first : end - first]
+        effort = effort_of(arm, rows[0, first:done], rows[2, first:done], late)
+        effort = unladen(effort, np.array(self._gripped[first:done]))[begin - first : end - first]
         t: Array = arm.period * np.arange(begin, end, dtype=np.float64)
         self.operator.follow(t, rows[0, begin:end], rows[1, begin:end], effort)
         self._seen = done
 
 
 def recovery_case(
-    name: str, machine: int, generator: np.random.Generator, kind: Kind, after: float = ANSWERED
+    name: str, machine: int, generator: np.random.Generator, kind: Kind, after: float = ANSWERED, sorts: bool = False
 ) -> Case:
     """Runs a drawn machine with a drawn fault of a kind for so long after it, s, and judges what came of it.
 
     Where the motion of the healthy stretch does not suffice, the fault comes later by what learning takes longer.
+    It goes through drawn poses, or sorts boxes between drawn points.
     """
     cell = ArmCell(arm=name, machine=str(machine))
-    fault = drawn(cell.settings(1.0, machine).arm, kind, generator)
+    arm = cell.settings(1.0, machine).arm
+    fault = drawn(arm, kind, generator)
+    usual = cell.settings(1.0, machine)
+    if sorts:
+        usual = sorting(usual, drawn_task(arm, machine))
     later = 0.0
     while True:
         shifted = replace(fault, start=fault.start + later, end=fault.end + later)
-        settings = replace(cell.settings(shifted.start + after, machine), faults=(shifted,))
+        settings = replace(usual, duration=shifted.start + after, faults=(shifted,))
         onlooker = Onlooker(settings)
         ran = run(settings, beside=onlooker)
         assert onlooker.operator is not None
@@ -147,9 +164,19 @@ def _judged(machine: int, fault: ChainFault, operator: ArmOperator, ran: ChainRu
         steps,
         len(steps) < len(operator.steps),
         operator.stopped or ran.stop > 0,
-        _is_close(operator.adjustment, fault, ran.settings.arm),
+        _is_close(operator.adjustment, _compensating(fault, ran)),
         _tracking(ran, fault),
+        *_boxes(ran),
     )
+
+
+def _boxes(ran: ChainRun) -> tuple[int, int, int]:
+    """Boxes that came, those that were lost, and those that were put down beside their places."""
+    if ran.boxes is None:
+        return 0, 0, 0
+    left = int((ran.places[-1] > 0.0).sum())
+    astray = sum(1e3 * error > FARTHEST for error in ran.boxes.errors)
+    return ran.boxes.arrived, ran.boxes.arrived - ran.boxes.delivered - left, astray
 
 
 def drawn(arm: Arm, kind: Kind, generator: np.random.Generator) -> ChainFault:
@@ -169,7 +196,9 @@ def drawn(arm: Arm, kind: Kind, generator: np.random.Generator) -> ChainFault:
     return ChainFault(kind, joint, value, begin, begin + 0.5 if kind == "push" else np.inf)
 
 
-def arm_recovery(name: str, cases: int, seed: int, after: float, progress: Progress) -> tuple[Case, ...]:
+def arm_recovery(
+    name: str, cases: int, seed: int, after: float, progress: Progress, sorts: bool = False
+) -> tuple[Case, ...]:
     """Draws cases, each a machine and a fault; the kinds take turns.
 
     Args:
@@ -178,36 +207,60 @@ def arm_recovery(name: str, cases: int, seed: int, after: float, progress: Progr
         seed: number of the first machine, from 3000 on.
         after: time for which each goes on after its fault, s.
         progress: is told how many cases are done.
+        sorts: whether the arms sort boxes; they go through poses if not.
     """
     found = []
     for k in range(cases):
         number = _FIRST + seed + k
         kind = KINDS[k % len(KINDS)]
-        found.append(recovery_case(name, number, np.random.default_rng([number, 5]), kind, after))
+        found.append(recovery_case(name, number, np.random.default_rng([number, 5]), kind, after, sorts))
         progress(k + 1, cases)
     return tuple(found)
 
 
-def _is_close(now: Adjustment, fault: ChainFault, arm: Arm) -> bool:
-    """Whether the blocks count on what there is and on nothing else."""
-    truth = Adjustment.none(len(arm))
+def _compensating(fault: ChainFault, ran: ChainRun) -> tuple[Adjustment, float]:
+    """What compensates a fault and nothing else, and the largest mass that the arm can hold, kg.
 
-    def with_one(values: tuple[float, ...]) -> tuple[float, ...]:
-        return (*values[: fault.joint], fault.value, *values[fault.joint + 1 :])
+    Blocks have the data sheet's friction; more of a drawn machine's is another part of it.
+    """
+    arm, machine = ran.settings.arm, ran.settings.machine.arm
+    truth, k = Adjustment.none(len(arm)), fault.joint
+
+    def with_one(values: tuple[float, ...], value: float) -> tuple[float, ...]:
+        return (*values[:k], value, *values[k + 1 :])
 
     if fault.kind == "K":
-        truth = replace(truth, strength=with_one(truth.strength))
+        truth = replace(truth, strength=with_one(truth.strength, fault.value))
     elif fault.kind == "friction":
-        truth = replace(truth, friction=with_one(truth.friction))
+        before = ran.t < fault.start
+        rate = np.gradient(ran.true[before, k], arm.period)
+        lost = [_friction(each.joints[k], rate, ran.effort[before, k]) for each in (machine, arm)]
+        share = float(lost[0] @ lost[1] / (lost[1] @ lost[1]))
+        truth = replace(truth, friction=with_one(truth.friction, 1.0 + share * (fault.value - 1.0)))
     elif fault.kind == "bias":
-        truth = replace(truth, offset=with_one(truth.offset))
+        truth = replace(truth, offset=with_one(truth.offset, fault.value))
     elif fault.kind == "load":
         truth = replace(truth, load=fault.value)
+    return truth, arm.most_load
+
+
+def _friction(joint: Joint, rate: Array, effort: Array) -> Array:
+    """The friction of a joint, (N,), N m or N, at velocities, (N,), while its drive gives an effort, (N,)."""
+    moves = np.abs(rate) > _SLOW * np.abs(rate).max()
+    carried = np.abs(effort * (joint.actuator.constant or 1.0))
+    dry = (joint.friction.coulomb + joint.friction.load * carried) * np.sign(rate)
+    found: Array = np.where(moves, joint.friction.viscous * rate + dry, 0.0)
+    return found
+
+
+def _is_close(now: Adjustment, wanted: tuple[Adjustment, float]) -> bool:
+    """Whether the blocks count on what there is and on nothing else."""
+    truth, most = wanted
     return bool(
         np.allclose(now.strength, truth.strength, rtol=_CLOSE)
         and np.allclose(now.friction, truth.friction, rtol=2.0 * _CLOSE)
         and np.allclose(now.offset, truth.offset, rtol=_CLOSE, atol=0.001)
-        and np.isclose(now.load, truth.load, rtol=_CLOSE, atol=0.02 * arm.most_load)
+        and np.isclose(now.load, truth.load, rtol=_CLOSE, atol=0.02 * most)
     )
 
 
@@ -228,6 +281,9 @@ def arm_recovery_figures(cases: tuple[Case, ...]) -> dict[str, Any]:
         "early": sum(case.early for case in cases),
         "stopped_without_need": sum(case.stopped and case.expected != "stop" for case in cases),
         "consequences": sum(len(case.consequences) for case in cases),
+        "boxes": sum(case.boxes for case in cases),
+        "lost": sum(case.lost for case in cases),
+        "astray": sum(case.astray for case in cases),
         "delay": float(np.median(delays)) if delays else None,
         "wrong": [{"machine": case.machine, "fault": str(case.fault)} for case in cases if not case.right],
     }
@@ -251,6 +307,11 @@ def arm_recovery_report(name: str, cases: tuple[Case, ...]) -> Report:
         f"{figures['stopped_without_need']} were stopped without need. {figures['consequences']} findings after the "
         "first answers name another cause than the fault."
     )
+    if figures["boxes"]:
+        words += (
+            f" {figures['boxes']} boxes came, {figures['lost']} were lost, {figures['astray']} were put down "
+            f"more than {FARTHEST:g} mm from their places."
+        )
     return Report(f"Recovery of drawn machines of {name}", ("\n".join(rows), words))
 
 
@@ -266,12 +327,14 @@ class ExperimentArmRecovery(ExperimentCommand[tuple[Case, ...]]):
     """Number of machines, each with a fault; the kinds take turns."""
     after: float = ANSWERED
     """Time for which each works on after its fault, s."""
+    sort: bool = False
+    """Let them sort boxes between drawn points, and count the boxes; they go through drawn poses if not."""
 
     def measure(self, progress: Progress) -> tuple[Case, ...]:
         at_least("--cases", self.cases, 1)
         if not LEAST <= self.after <= MOST:
             raise ParameterError(f"--after: expected {LEAST:g} to {MOST:g} s, got {self.after}")
-        return arm_recovery(self.arm, self.cases, self.seed, self.after, progress)
+        return arm_recovery(self.arm, self.cases, self.seed, self.after, progress, self.sort)
 
     def report(self, result: tuple[Case, ...]) -> Report:
         return arm_recovery_report(self.arm, result)

@@ -124,7 +124,7 @@ class Watching:
     def _begin_anew(self) -> None:
         arm, record = self._settings.arm, self._record
         self._monitor = ArmMonitor(arm, self._healthy, None if record is None else record.watch(arm))
-        self._rows = Rows(self._settings.arm, self._settings.late)
+        self._rows = Rows(self._settings.arm, self._settings.late, weighed=False)
         self._told = self._confirmed = 0
         self._next = 0.0
         if self._demands is not None:

@@ -7,11 +7,15 @@ from typing import Final
 import numpy as np
 
 from dtwin.arm.chain import Arm, Array
-from dtwin.arm.effort import BEFORE, ahead, effort_of
+from dtwin.arm.effort import BEFORE, ahead, effort_of, unladen
 from dtwin.bus.chain.messages import JointTick
 
 BRIDGED: Final = 10
 """Largest number of ticks in a row that may be lost without a new stretch."""
+
+
+_Row = tuple[float, Array, Array, Array, bool]
+"""Time, readings, targets, commands, and whether the gripper is closed."""
 
 
 class Rows:
@@ -23,18 +27,20 @@ class Rows:
     Args:
         arm: the arm.
         late: ticks from a command until it acts.
+        weighed: whether it is known what the gripper holds; if not, nobody knows what acts while it is closed (NaN).
     """
 
-    def __init__(self, arm: Arm, late: int) -> None:
+    def __init__(self, arm: Arm, late: int, weighed: bool = True) -> None:
         self._arm = arm
         self._late = late
+        self._weighed = weighed
         self._ahead = ahead(arm)
         self._last: JointTick | None = None
         self._begin()
 
     def _begin(self) -> None:
         """Begins a new stretch."""
-        self._rows: list[tuple[float, Array, Array, Array]] = []
+        self._rows: list[_Row] = []
         self._passed = self._late + self._ahead  # of them, which are there for what acts at the others
 
     def __len__(self) -> int:
@@ -57,20 +63,22 @@ class Rows:
     def drain(self) -> tuple[Array, Array, Array, Array]:
         """The rows since the last call: times, readings, targets, and what acted; (N,) and (N, n)."""
         first, last = self._passed, self._passed + len(self)
-        t, q, target, sent = (np.array(column) for column in zip(*self._rows, strict=True))
+        t, q, target, sent, gripped = (np.array(column) for column in zip(*self._rows, strict=True))
         effort = effort_of(self._arm, q, sent, self._late)
+        if not self._weighed:
+            effort = unladen(effort, gripped)
         gone = max(0, last - self._late - BEFORE)
         self._rows, self._passed = self._rows[gone:], last - gone
         return t[first:last], q[first:last], target[first:last], effort[first:last]
 
 
-def _row(tick: JointTick) -> tuple[float, Array, Array, Array]:
+def _row(tick: JointTick) -> _Row:
     sensors, acted = tick.sensors, tick.acted
-    return sensors.time, np.array(sensors.theta), np.array(acted.target), np.array(acted.commands)
+    return sensors.time, np.array(sensors.theta), np.array(acted.target), np.array(acted.commands), acted.gripped
 
 
-def _between(first: JointTick, second: JointTick, share: float) -> tuple[float, Array, Array, Array]:
+def _between(first: JointTick, second: JointTick, share: float) -> _Row:
     """A row on the line from one to another."""
-    (t, *before), (u, *after) = _row(first), _row(second)
+    (t, *before, gripped), (u, *after, later) = _row(first), _row(second)
     q, target, sent = (a + share * (b - a) for a, b in zip(before, after, strict=True))
-    return t + share * (u - t), q, target, sent
+    return t + share * (u - t), q, target, sent, gripped or later

@@ -14,11 +14,13 @@ from dtwin.emulation.chain.arms import arm_of
 from dtwin.emulation.chain.faults import KINDS, Kind, parse_chain_fault
 from dtwin.equations.rigid import usual_inertia
 from dtwin.monitoring.chain.finding import ChainFinding
+from dtwin.monitoring.chain.learning import passed
 from dtwin.monitoring.chain.monitor import ArmMonitor
 from dtwin.recovery.chain.answers import MEASURES, ORDERS, answer_to
 from dtwin.run.arm_cell import ArmCell
 from dtwin.run.chain import run
 from dtwin.services.chain.recovery import finding_of
+from evidence.arm_sorting import drawn_task, sorting
 from evidence.recovery.arms import arm_recovery_report, recovery_case
 
 ARM = arm_of("planar-2r")
@@ -131,3 +133,52 @@ def test_an_arm_that_counts_on_a_further_load_is_not_suspected_of_anything_else(
     case = recovery_case("six-axis", 5002, np.random.default_rng([5002, 9]), "load", after=20.0)
     assert [step.answer.measure for step in case.steps] == ["load"]
     assert not case.consequences
+
+
+def test_more_friction_is_told_in_parts_of_what_the_blocks_have() -> None:
+    """A machine with twice the data sheet's friction, which then doubles, has four times the data sheet's."""
+    settings = ArmCell(arm="planar-2r", machine="nominal").settings(75.0, 3)
+    lossy = replace(
+        settings.machine.arm,
+        joints=tuple(
+            replace(
+                joint,
+                friction=replace(
+                    joint.friction, viscous=2.0 * joint.friction.viscous, coulomb=2.0 * joint.friction.coulomb
+                ),
+            )
+            for joint in settings.machine.arm.joints
+        ),
+    )
+    machine = replace(settings.machine, arm=lossy)
+    ran = run(replace(settings, machine=machine, faults=(parse_chain_fault("friction1*=2@64", 2),)))
+    monitor = ArmMonitor(ARM, 60.0)
+    monitor.follow(ran.t, ran.q, ran.target, ran.effort)
+    (found,) = monitor.history
+    assert found.cause == "friction1"
+    assert found.size == pytest.approx(2.0, rel=0.2)
+    answer = answer_to(found, ARM, NONE)
+    assert answer.adjustment is not None
+    assert answer.adjustment.friction == pytest.approx((3.0, 1.0), rel=0.15)
+    monitor.adjust(answer.adjustment)
+    later = run(replace(settings, machine=machine, duration=30.0, faults=(parse_chain_fault("friction1*=2@0", 2),)))
+    monitor.follow(later.t + ran.t[-1], later.q, later.target, later.effort)
+    assert monitor.finding is None
+
+
+def test_an_arm_that_sorts_is_known_by_what_it_does_without_a_box() -> None:
+    """Nobody has weighed a box: who took its mass for known would tell another load."""
+    cell = ArmCell(arm="planar-2r", machine="7001").settings(100.0, 7001)
+    ran = run(sorting(cell, drawn_task(cell.arm, 7001)))
+    assert ran.boxes is not None
+    assert ran.boxes.delivered > 10
+    found = [passed(cell.arm, ran.t, ran.q, ran.target, effort) for effort in (ran.effort, ran.unladen)]
+    assert [each.watch is not None and each.watch.finding is None for each in found] == [False, True]
+
+
+def test_boxes_are_counted_while_a_fault_is_answered() -> None:
+    case = recovery_case("planar-2r", 3120, np.random.default_rng([3120, 5]), "K", sorts=True)
+    assert case.right
+    assert case.boxes > 5
+    assert case.lost == 0
+    assert replace(case, lost=1).right is False

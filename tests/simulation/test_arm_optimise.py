@@ -131,3 +131,12 @@ def test_the_command_reports_and_draws(tmp_path: Path, capsys: pytest.CaptureFix
     ):
         assert main([*words, *extra]) == 2
         assert said in capsys.readouterr().err
+
+
+def test_a_candidate_is_judged_the_same_whatever_was_judged_before() -> None:
+    wanted = objective(weights={"tracking": 1.0}, arms=(1,), payloads=(0.0, 0.2))
+    first, other = ArmTuning(12.0, 90.0, 1.0), ArmTuning(9.0, 120.0, 0.8)
+    alone = score(wanted, first)
+    score(wanted, other)
+    assert score(pickle.loads(pickle.dumps(wanted)), first) == alone
+    assert score(objective(weights={"tracking": 1.0}), first).rounds == 1

@@ -69,8 +69,10 @@ def test_a_loop_is_what_comes_back_while_the_others_are_closed(late: int) -> Non
     n, q = len(arm), np.linspace(-0.8, 0.7, len(arm))
     masses = mass_matrix(arm, q[None])[0] + np.diag([joint.actuator.rotor or 0.0 for joint in arm.joints])
     plant, law = chain._plant(arm, q, masses, late), chain._law(control, arm.period)
-    z = np.exp(1j * np.geomspace(0.01, np.pi, 25))
-    loops = chain._loops(arm, plant, law, masses, z)
+    w = np.geomspace(0.01, np.pi, 25) / arm.period
+    z = np.exp(1j * w * arm.period)
+    posed = chain.PosedPlant(arm, masses, plant, w, chain._response(*plant[:3], z))
+    loops = posed._loops(control, slice(None))
     viscous = np.diag([joint.friction.viscous for joint in arm.joints])
     for k, found in enumerate(loops):
         for at, one in zip(z, found, strict=True):

@@ -12,7 +12,7 @@ from dtwin.emulation.chain.machine import machine_of
 from dtwin.equations.rigid import usual_inertia
 from dtwin.run.arm_cell import ArmCell
 from dtwin.run.chain import run
-from dtwin.run.margins.chain import margins
+from dtwin.run.margins.chain import margins, posed_plants
 from dtwin.run.margins.gears import control_of
 
 ARM = arm_of("planar-2r")
@@ -58,3 +58,17 @@ def test_an_arm_of_whose_gears_nothing_is_told_is_controlled_as_usual() -> None:
     assert control_of(ARM) == Control()
     assert control_of(ARM, 1) == Control(delay=ARM.period)
     assert control_of(arm_of("servo-2r")) == Control()
+
+
+@pytest.mark.parametrize("late", [0, 1])
+@pytest.mark.parametrize("hertz", [30.0, 200.0])
+def test_a_control_keeps_a_modulus_where_its_margins_have_it(hertz: float, late: int) -> None:
+    arm = geared(hertz)
+    for pole, observer in ((13.7, 100.0), (9.0, 60.0), (7.0, 45.0)):
+        control = Control(pole, observer, late * arm.period)
+        for plant in posed_plants(arm, 3, late=late):
+            found = plant.margins(control)
+            least = min(one.modulus for one in found)
+            stable = all(one.stable for one in found)
+            assert plant.keeps(control, least) == stable
+            assert not plant.keeps(control, least * (1.0 + 1e-9))

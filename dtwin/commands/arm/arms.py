@@ -24,6 +24,7 @@ from dtwin.errors import DtwinError, ModelError
 from dtwin.files import ensure_writable, replacing
 from dtwin.run.margins.chain import margins
 from dtwin.run.margins.gears import control_of
+from dtwin.run.reserve import asked
 from dtwin.terminal import as_text, print_json, print_table, printable
 
 _POSES = 200
@@ -54,7 +55,7 @@ class ArmImport:
         model = os.path.relpath(file.absolute(), path.absolute().parent)
         with replacing(path, SUFFIX) as temporary:
             temporary.write_text(imported(chain, Path(model).as_posix(), self.tip))
-        _print([*summary(chain), *findings(arm_of(str(path))), f"written: {path}"])
+        _print([*summary(chain), *_unlikely(chain), *findings(arm_of(str(path))), f"written: {path}"])
         return 0
 
 
@@ -85,8 +86,8 @@ class ArmCheck:
 
     def execute(self) -> int:
         arm = arm_of(self.arm)
-        found = findings(arm) or [*_weak(arm), *([] if arm.servos else _unstable(arm))]
-        _print([*summary(arm), *(found or ["it can be driven"])])
+        found = findings(arm) or [*(_weak(arm) or _slow(arm)), *(_stiff(arm) if arm.servos else _unstable(arm))]
+        _print([*summary(arm), *_unlikely(arm), *(found or ["it can be driven"])])
         return 1 if found else 0
 
 
@@ -123,6 +124,50 @@ def _weak(arm: Arm) -> list[str]:
         if most > joint.largest
         for unit in ("N m" if joint.turns else "N",)
     ]
+
+
+def _slow(arm: Arm) -> list[str]:
+    """Which joints cannot go from one drawn pose to another as fast as the file says, as lines for people."""
+    poses = drawn_poses(arm, _POSES, np.random.default_rng(0)).positions
+    needed = asked(arm, poses[:-1], poses[1:])
+    return [
+        f"joints.{joint.name}: its drive gives {joint.largest:.3g} {unit} at most, and {most:.3g} {unit} are needed "
+        "on some ways: lower speed and acceleration, or correct limit, constant, effort, friction and rotor"
+        for joint, most in zip(arm.joints, needed, strict=True)
+        if most > joint.largest
+        for unit in ("N m" if joint.turns else "N",)
+    ]
+
+
+def _stiff(arm: Arm) -> list[str]:
+    """Which drives that take positions are too stiff for the tick, as lines for people.
+
+    Blocks command no more than the position that was measured and what the loop's largest torque takes. Where a joint
+    goes that far in a tick, its drive lets it go before the next command.
+    """
+    lines = []
+    for joint in arm.joints:
+        stiffness = joint.actuator.stiffness
+        if stiffness is None or joint.speed * arm.period <= joint.largest / stiffness:
+            continue
+        unit = "rad" if joint.turns else "m"
+        lines.append(
+            f"joints.{joint.name}: its loop gives all of its torque {joint.largest / stiffness:.2g} {unit} off its "
+            f"command, and it goes {joint.speed * arm.period:.2g} {unit} in a tick: shorten period, or lower speed"
+        )
+    return lines
+
+
+def _unlikely(arm: Arm) -> list[str]:
+    """Links whose mass would have to lie farther out than the whole arm is long, as lines for people."""
+    reach = sum(float(np.linalg.norm(joint.translation)) for joint in arm.joints)
+    lines = []
+    for link in arm.links:
+        radius = float(np.sqrt(np.linalg.eigvalsh(link.inertia)[-1] / link.mass)) if link.mass else 0.0
+        if radius > reach > 0.0:
+            said = f"its inertia is that of {link.mass:.3g} kg at {radius:.3g} m from its centre"
+            lines.append(f"note: link {link.name}: {said}, in an arm of {reach:.3g} m: is it a placeholder?")
+    return lines
 
 
 def _unstable(arm: Arm) -> list[str]:

@@ -8,7 +8,7 @@ the healthy stretch, and as large as anybody wants to know of it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -217,6 +217,7 @@ class Drives:
             found = np.minimum(found, np.sqrt(bound / np.maximum(power, _NOTHING)))
         most = np.array([MOST.get(name.rstrip("0123456789"), _UNSEEN) for name in self._names])
         sizes = np.where(found < most, np.maximum(found, self._least), np.inf)
+        sizes *= [self._unit(name) for name in self._names]
         return dict(zip(self._names, sizes.tolist(), strict=True))
 
     @property
@@ -226,7 +227,7 @@ class Drives:
 
     def is_small(self, found: ChainFinding | None) -> bool:
         """Whether what was found is smaller than anybody wants to know."""
-        return found is not None and abs(found.size) < _least(self._arm, found.cause)
+        return found is not None and abs(found.size) < _least(self._arm, found.cause) * self._unit(found.cause)
 
     def name(self) -> ChainFinding | None:
         """The cause from the samples so far, if there is evidence, though less time than LATER has passed since."""
@@ -247,7 +248,14 @@ class Drives:
         begin = self._count - len(self._times)
         first = max(self._first, alarm.sample + 1 - alarm.window, begin)
         end = min(last, alarm.sample + 1 + self._after(LATER), self._count)
-        return _named(evidence, first - begin, alarm.sample + 1 - begin, end - begin, self.alike, alarm.time)
+        found = _named(evidence, first - begin, alarm.sample + 1 - begin, end - begin, self.alike, alarm.time)
+        return replace(found, size=found.size * self._unit(found.cause))
+
+    def _unit(self, cause: str) -> float:
+        """Friction is found in parts of what was learned, and told in those of the data sheet: blocks have that."""
+        if not cause.startswith("friction"):
+            return 1.0
+        return float(self.expected.share[int(cause.removeprefix("friction")) - 1])
 
     def _alarmed(self, evidence: Evidence, begin: int, made: int) -> Alarm | None:
         """The first of the last samples for which some window is evidence enough."""

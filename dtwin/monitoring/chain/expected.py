@@ -13,9 +13,11 @@ from typing import Final
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
 from scipy.signal import savgol_coeffs
 
 from dtwin.arm.chain import Arm, Array, steiner
+from dtwin.arm.poses import drawn_poses
 from dtwin.equations.rigid import inverse_dynamics, regressor
 from dtwin.errors import RecordingError
 
@@ -26,6 +28,11 @@ EVERY: Final = 5
 BLOCK: Final = 2.0
 """Stretch that counts as one independent observation for the covariance, s."""
 _STEP: Final = 1e-6
+_USUAL: Final = 0.5
+"""Speed at which friction is compared, in parts of the joint's largest one."""
+_SHARES: Final = (1.0 / 3.0, 3.0)
+"""Least and largest friction of an arm that a data sheet may be the one of, in parts of the data sheet's."""
+_POSES: Final = 32
 _SLOW: Final = 0.02
 """Speed below which nobody knows which way dry friction acts, in parts of the joint's largest speed."""
 
@@ -39,7 +46,8 @@ class Filtered:
         q: positions, (N, n).
         qd: velocities, (N, n).
         qdd: accelerations, (N, n).
-        effort: commands that act, (N, n), in the units of the drives.
+        effort: commands that act, (N, n), in the units of the drives; 0 where they are not known.
+        known: where it is known what the arm carries, (N,).
     """
 
     t: Array
@@ -47,10 +55,11 @@ class Filtered:
     qd: Array
     qdd: Array
     effort: Array
+    known: NDArray[np.bool_]
 
 
 def filtered(arm: Arm, t: Array, q: Array, effort: Array) -> Filtered:
-    """Filters a log: t (N,), s; positions and effort (N, n).
+    """Filters a log: t (N,), s; positions and effort (N, n), NaN where nobody knows what the arm carries.
 
     Raises:
         RecordingError: it is shorter than the filter.
@@ -62,7 +71,8 @@ def filtered(arm: Arm, t: Array, q: Array, effort: Array) -> Filtered:
     positions, efforts = (sliding_window_view(values, WINDOW, axis=0)[::EVERY] for values in (q, effort))
     q, qd, qdd = np.einsum("njw,ow->onj", positions, weights)
     acting = np.einsum("njw,w->nj", efforts, weights[0])
-    return Filtered(t[half : len(t) - half : EVERY], q, qd, qdd, acting)
+    known = np.isfinite(acting).all(axis=1)
+    return Filtered(t[half : len(t) - half : EVERY], q, qd, qdd, np.where(known[:, None], acting, 0.0), known)
 
 
 @lru_cache(maxsize=8)
@@ -98,6 +108,8 @@ class Expected:
         tool = arm.tool
         self._mass = np.array([1.0, *tool, *steiner(tool)[np.tril_indices(3)]])
         self._mean, self._deviation = self._known()
+        self._carried = _carried(arm)
+        self._rate = _USUAL * np.array([joint.speed for joint in arm.joints])
         self.values = self._mean.copy()
         self.covariance = np.diag(self._deviation**2)
         self._now = self.values.copy()
@@ -124,18 +136,41 @@ class Expected:
             self.values = self._mean + found
             left = weights * (log.effort - columns @ self.values)
             scores = np.einsum("njp,nj->np", scaled, left / self.noise)
-            self.noise = np.maximum(np.sqrt(np.mean(left**2, axis=0)), 1e-9)
+            self.noise = np.maximum(np.sqrt(np.sum(left**2, axis=0) / max(1, log.known.sum())), 1e-9)
         rows = max(1, round(BLOCK / (EVERY * self._arm.period)))
         sums = np.add.reduceat(scores, np.arange(0, len(scores), rows), axis=0)
         inverse = np.linalg.inv(curvature)
         self.covariance = inverse @ (sums.T @ sums + precision) @ inverse
         self._now = self.values.copy()
 
+    @property
+    def share(self) -> Array:
+        """The friction that was learned of every joint in parts of the data sheet's, (n,), within `_SHARES`.
+
+        It is taken at half of the joint's largest speed, under the usual weight of the arm; 1 where the data sheet
+        has no friction.
+        """
+        learned, sheet = self._lost(self.values), self._lost(self._mean)
+        found: Array = np.clip(np.divide(learned, sheet, out=np.ones_like(sheet), where=sheet > 0.0), *_SHARES)
+        return found
+
+    def _lost(self, values: Array) -> Array:
+        """Torque of friction, (n,), N m or N."""
+        viscous, dry, load = values[11 * len(self._arm) : 14 * len(self._arm)].reshape(3, -1)
+        found: Array = viscous * self._rate + dry + load * self._carried
+        return found
+
     def adjust(self, friction: Array, load: float) -> None:
-        """Counts on other friction, (n,), in parts of what was learned, and on a further load, kg."""
+        """Counts on other friction and on a further load.
+
+        Args:
+            friction: what the blocks count on, (n,), in parts of the data sheet's: what they count on beyond 1 has
+                come to what was learned.
+            load: kg.
+        """
         n = len(self._arm)
         self._now = self.values.copy()
-        self._now[11 * n : 14 * n] *= np.tile(friction, 3)
+        self._now[11 * n : 14 * n] *= np.tile(1.0 + (friction - 1.0) / self.share, 3)
         self._now[10 * (n - 1) : 10 * n] += load * self._mass
 
     def evidence(self, log: Filtered) -> tuple[Array, dict[str, Array]]:
@@ -175,9 +210,12 @@ class Expected:
         return slopes
 
     def _weights(self, log: Filtered) -> Array:
-        """1 where a joint moves, less where it is so slow that dry friction may act either way, (N, n)."""
-        known: Array = np.clip(np.abs(log.qd) / self._slow, 0.0, 1.0)
-        return known
+        """1 where a joint moves, less where it is so slow that dry friction may act either way, (N, n).
+
+        0 where nobody knows what the arm carries.
+        """
+        sure: Array = np.clip(np.abs(log.qd) / self._slow, 0.0, 1.0) * log.known[:, None]
+        return sure
 
     def _columns(self, log: Filtered) -> Array:
         """Of links (10 n), rotors, viscous, dry and load-dependent friction, and offsets (n each): (N, n, 15 n)."""
@@ -214,3 +252,11 @@ class Expected:
             [sizes.ravel(), (spread.constant + 0.05) * self._rotor + 1e-6, *losses, 0.01 * effort]
         )
         return mean, deviation
+
+
+def _carried(arm: Arm) -> Array:
+    """What every joint carries of the arm's weight at drawn poses, rms, (n,), N m or N."""
+    poses = drawn_poses(arm, _POSES, np.random.default_rng(0), 1.0).positions
+    rest = np.zeros_like(poses)
+    found: Array = np.sqrt(np.mean(inverse_dynamics(arm, poses, rest, rest) ** 2, axis=0))
+    return found

@@ -26,7 +26,8 @@ class ChainFinding:
     Attributes:
         time: when it was noticed, s.
         cause: its most probable cause, such as K2, friction1, load, bias3, freeze1, lock1 or push2.
-        size: in the unit of `Expected.causes`; 0 for freeze and lock.
+        size: part of the torque that was lost, further friction in parts of the data sheet's, kg, rad or m, N m or N;
+            0 for freeze and lock.
         others: further causes that the samples do not tell from it.
         confidence: probability of its cause among all that were considered.
     """
@@ -75,7 +76,7 @@ def in_words(arm: Arm, cause: str) -> str:
     name = arm.joints[int(cause[len(kind) :]) - 1].name
     return {
         "K": f"drive of {name}: part of its torque lost",
-        "friction": f"{name}: more friction, in parts of what it had",
+        "friction": f"{name}: more friction, in parts of the data sheet's",
         "bias": f"encoder of {name} reads too much",
         "freeze": f"encoder of {name} repeats its reading",
         "lock": f"{name} does not move",

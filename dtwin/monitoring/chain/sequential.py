@@ -115,7 +115,8 @@ class FirstFault:
             t: their times, (N,), s.
             q: what the encoders read, (N, n), rad or m.
             target: desired positions, (N, n).
-            effort: what acts at the samples, (N, n), in the units of the drives.
+            effort: what acts at the samples, (N, n), in the units of the drives; NaN where nobody knows what the arm
+                carries, where drives are not judged.
         """
         if self._starts and len(t):
             self._begin = float(t[0]) if self._begin is None else self._begin

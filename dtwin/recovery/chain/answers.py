@@ -89,4 +89,4 @@ def _adjusted(found: ChainFinding, now: Adjustment) -> Adjustment:
         return replace(now, offset=with_one(now.offset, now.offset[k] + found.size))
     if found.kind == "K":
         return replace(now, strength=with_one(now.strength, now.strength[k] * (1.0 - found.size)))
-    return replace(now, friction=with_one(now.friction, now.friction[k] * (1.0 + found.size)))
+    return replace(now, friction=with_one(now.friction, now.friction[k] + found.size))

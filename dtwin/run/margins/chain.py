@@ -25,10 +25,17 @@ _FREQUENCIES: Final = 600
 _LOWEST: Final = 0.05
 """Lowest frequency, rad/s."""
 
+_COARSE: Final = 8
+"""Every such frequency is looked at before all of them where a margin is asked for."""
+
 _NOTHING: Final = 1e-12
 """Inertia that counts as none, kg m^2 or kg."""
 _SINGULAR: Final = 1e-9
 """Least eigenvalue of a mass matrix whose diagonal is scaled to 1."""
+
+
+Loop = tuple[Array, Array, Array, Array]
+"""Matrices A, B, C and D of a sampled system."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,12 +72,82 @@ def margins(arm: Arm, control: Control, poses: int = 16, seed: int = 0, late: in
     Raises:
         ModelError: a motion of the joints meets no resistance at one of the poses, or a drive has a loop of its own.
     """
+    return margins_of(posed_plants(arm, poses, seed, late), control)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PosedPlant:
+    """An arm at rest in a pose, of which nothing has to be computed anew for another control.
+
+    Attributes:
+        arm: the arm.
+        masses: its mass matrix there with the rotors, (n, n), kg m^2.
+        plant: from torques to what encoders read, sampled.
+        w: frequencies, (N,), rad/s.
+        motion: the response of that plant at each of them, (N, n, n).
+    """
+
+    arm: Arm
+    masses: Array
+    plant: Loop
+    w: Array
+    motion: NDArray[np.complex128]
+
+    def margins(self, control: Control) -> list[JointMargins]:
+        """The margins of every joint under a control."""
+        stable = self._stable(control)
+        return [_margins(loop, self.w, stable) for loop in self._loops(control, slice(None))]
+
+    def keeps(self, control: Control, modulus: float) -> bool:
+        """Whether the loop of every joint is stable and nowhere nearer to -1 than a modulus.
+
+        A few frequencies are looked at first, since most controls that do not keep it show so there.
+        """
+        for which in (slice(None, None, _COARSE), slice(None)):
+            if min(_modulus(loop) for loop in self._loops(control, which)) < modulus:
+                return False
+        return self._stable(control)
+
+    def _stable(self, control: Control) -> bool:
+        closed = _closed(self.arm, self.plant, _law(control, self.arm.period), self.masses)
+        return bool(np.abs(np.linalg.eigvals(closed)).max() < 1.0)
+
+    def _loops(self, control: Control, which: slice) -> list[NDArray[np.complex128]]:
+        """The gain of the loop of each joint while the others are closed, (N,) each.
+
+        With the blocks' K and the plant's P, S = (I - K P)^-1 leads from what is added to the torques to the torques.
+        What joint k sees of a torque of its own, while the others are closed, is S_kk = 1 / (1 + L_k) (Skogestad and
+        Postlethwaite, 3.2).
+        """
+        arm, law = self.arm, _law(control, self.arm.period)
+        u, friction = (_response(*law[:3], _turned(self.w[which], arm)) + law[3])[:, :, 0].T
+        blocks = u[:, None, None] * self.masses + friction[:, None, None] * _viscous(arm)
+        seen: NDArray[np.complex128] = np.linalg.inv(np.eye(len(arm)) - blocks @ self.motion[which])
+        return [1.0 / seen[:, k, k] - 1.0 for k in range(len(arm))]
+
+
+def posed_plants(arm: Arm, poses: int, seed: int = 0, late: int = 0) -> list[PosedPlant]:
+    """The arm at poses that are drawn; the arguments and the errors are those of `margins`."""
     without_servos(arm, "margins")
     drawn = drawn_poses(arm, poses, np.random.default_rng(seed), 1.0).positions
     rotors = np.diag([joint.actuator.rotor or 0.0 for joint in arm.joints])
-    masses = mass_matrix(arm, drawn) + rotors
-    rows = [_at(arm, control, q, mass, late) for q, mass in zip(drawn, masses, strict=True)]
-    return tuple(_least([row[k] for row in rows]) for k in range(len(arm)))
+    w = np.geomspace(_LOWEST, np.pi / arm.period, _FREQUENCIES)
+    found = []
+    for q, masses in zip(drawn, mass_matrix(arm, drawn) + rotors, strict=True):
+        plant = _plant(arm, q, masses, late)
+        found.append(PosedPlant(arm, masses, plant, w, _response(*plant[:3], _turned(w, arm))))
+    return found
+
+
+def margins_of(plants: list[PosedPlant], control: Control) -> tuple[JointMargins, ...]:
+    """The margins of every joint of an arm, the least over its poses."""
+    return tuple(_least(list(row)) for row in zip(*(plant.margins(control) for plant in plants), strict=True))
+
+
+def _turned(w: Array, arm: Arm) -> NDArray[np.complex128]:
+    """The points of the unit circle at frequencies w, (N,), rad/s."""
+    points: NDArray[np.complex128] = np.exp(1j * w * arm.period)
+    return points
 
 
 def _least(found: list[JointMargins]) -> JointMargins:
@@ -82,18 +159,6 @@ def _least(found: list[JointMargins]) -> JointMargins:
         min(one.modulus for one in found),
         all(one.stable for one in found),
     )
-
-
-def _at(arm: Arm, control: Control, q: Array, masses: Array, late: int) -> list[JointMargins]:
-    """Margins of all joints at one pose, (n,), with its mass matrix and the rotors, (n, n), kg m^2."""
-    plant, law = _plant(arm, q, masses, late), _law(control, arm.period)
-    stable = bool(np.abs(np.linalg.eigvals(_closed(arm, plant, law, masses))).max() < 1.0)
-    w = np.geomspace(_LOWEST, np.pi / arm.period, _FREQUENCIES)
-    return [_margins(loop, w, stable) for loop in _loops(arm, plant, law, masses, np.exp(1j * w * arm.period))]
-
-
-Loop = tuple[Array, Array, Array, Array]
-"""Matrices A, B, C and D of a sampled system."""
 
 
 def _check_masses(arm: Arm, masses: Array) -> None:
@@ -201,22 +266,6 @@ def _closed(arm: Arm, plant: Loop, law: Loop, masses: Array) -> Array:
     return np.block([[a + b @ direct @ c, b @ fed], [np.kron(one, g) @ c, np.kron(one, f)]])
 
 
-def _loops(
-    arm: Arm, plant: Loop, law: Loop, masses: Array, z: NDArray[np.complex128]
-) -> list[NDArray[np.complex128]]:
-    """The gain of the loop of each joint while the others are closed, (N,) each, at every z, (N,).
-
-    With the blocks' K and the plant's P, S = (I - K P)^-1 leads from what is added to the torques to the torques.
-    What joint k sees of a torque of its own, while the others are closed, is S_kk = 1 / (1 + L_k) (Skogestad and
-    Postlethwaite, 3.2).
-    """
-    motion = _response(*plant[:3], z)
-    u, friction = (_response(*law[:3], z) + law[3])[:, :, 0].T
-    blocks = u[:, None, None] * masses + friction[:, None, None] * _viscous(arm)
-    seen: NDArray[np.complex128] = np.linalg.inv(np.eye(len(arm)) - blocks @ motion)
-    return [1.0 / seen[:, k, k] - 1.0 for k in range(len(arm))]
-
-
 def _response(a: Array, b: Array, c: Array, z: NDArray[np.complex128]) -> NDArray[np.complex128]:
     """C (z - A)^-1 B at every z, (N, p, m), with one Schur form of A for all (Laub 1981, there with Hessenberg's)."""
     from scipy.linalg import schur
@@ -246,6 +295,10 @@ def _margins(loop: NDArray[np.complex128], w: Array, stable: bool) -> JointMargi
         float(below.max(initial=0.0)),
         float(np.minimum(phases, 2.0 * np.pi - phases).min(initial=np.pi)),
         float((phases / w[crossings]).min(initial=np.inf)),
-        float(np.abs(1.0 + loop).min()),
+        _modulus(loop),
         stable,
     )
+
+
+def _modulus(loop: NDArray[np.complex128]) -> float:
+    return float(np.abs(1.0 + loop).min())

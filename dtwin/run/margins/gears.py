@@ -11,7 +11,7 @@ from typing import Final
 
 from dtwin.arm.chain import Arm, holding
 from dtwin.controller.chain.application import Control
-from dtwin.run.margins.chain import margins
+from dtwin.run.margins.chain import posed_plants
 
 MODULUS: Final = 0.5
 """Least distance of the loop gains from -1: a peak of the sensitivity of 2 (Åström and Murray 2008, 11.1)."""
@@ -38,13 +38,11 @@ def control_of(arm: Arm, late: int = 0) -> Control:
     usual = control = Control(delay=min(late, 1) * arm.period)
     if arm.servos or all(joint.transmission is None for joint in arm.joints):
         return usual
+    tried = [plant for each in (arm, holding(arm, arm.most_load)) for plant in posed_plants(each, _POSES, late=late)]
     for pole, observer in product(_POLES, _OBSERVERS):
         control = Control(pole * usual.pole, observer * usual.observer, usual.delay)
-        if all(_least(each, control, late) >= MODULUS for each in (arm, holding(arm, arm.most_load))):
+        short = next((plant for plant in tried if not plant.keeps(control, MODULUS)), None)
+        if short is None:
             break
+        tried.sort(key=lambda plant: plant is not short)  # that one will most likely be short of it again
     return control
-
-
-def _least(arm: Arm, control: Control, late: int) -> float:
-    found = margins(arm, control, _POSES, late=late)
-    return min(joint.modulus if joint.stable else 0.0 for joint in found)

@@ -7,10 +7,11 @@ dtwin/simulation/optimise.py. Equal seeds give equal results, whoever does the w
 
 from __future__ import annotations
 
+import pickle
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import lru_cache, partial
 from typing import Final
 
 import msgspec
@@ -25,7 +26,7 @@ from dtwin.errors import DivergenceError, ParameterError, choices
 from dtwin.run.chain import ChainSettings
 from dtwin.simulation.chain.checks import OBSERVERS, POLES, SLOWEST, tuning_problem
 from dtwin.simulation.chain.simulator import ArmSimulator
-from dtwin.simulation.chain.whatif import ArmChange, ArmOutcome, loops_of
+from dtwin.simulation.chain.whatif import ArmChange, ArmOutcome
 from dtwin.simulation.figures import SETTLED_BAND, SETTLED_SHARE
 from dtwin.simulation.objective import SETTLING, UNUSABLE
 from dtwin.simulation.optimise import evolve, first_generation, front_of
@@ -165,7 +166,7 @@ def optimise_arm(
     in_use = objective.settings.control.tuning
     reference = score(replace(objective, limits=None), in_use)
     if reference.broken:
-        raise ParameterError(f"the settings in use cannot be compared with: {reference.broken}")
+        raise ParameterError(f"nothing can be compared with the settings in use, which fail: {reference.broken}")
     objective = replace(objective, reference=reference.terms)
     lower, upper = _bounds(objective.settings)
     present = np.log([in_use.pole, in_use.observer, in_use.speed])
@@ -205,18 +206,20 @@ def score(objective: ArmObjective, tuning: ArmTuning) -> ArmScore:
     if problem := tuning_problem(settings.arm, settings.poses, tuning):
         raise ParameterError(f"tuning: {problem}")
     change = ArmChange(tuning.pole, tuning.observer, tuning.speed)
-    cases = [(arm, load) for arm in _arms(objective) for load in objective.payloads]
+    simulators = _simulators(pickle.dumps((settings, objective.arms)))
+    start = settings.poses.positions[0] if settings.start is None else settings.start
+    cases = [(simulator, replace(change, payload=load)) for simulator in simulators for load in objective.payloads]
     found: list[dict[str, float]] = []
-    for done, (arm, load) in enumerate(cases):
+    for done, (simulator, case) in enumerate(cases):
         left = 1.0 - done / len(cases)
-        loops = loops_of(settings, ArmModel.of(settings.arm), replace(change, payload=load), arm)
+        loops = simulator.loops(case)
         if not all(one.stable for one in loops):
             return broken("stability", _LOST, done)
         short = limits.modulus - min(one.modulus for one in loops) if limits else 0.0
         if short > 0.0:
             return broken("modulus", _WORST + left + short, done)
         try:
-            outcome = _work(settings, replace(change, payload=load), arm)
+            outcome = simulator.run(start, case, _LONGEST, SETTLING)
         except DivergenceError:
             return broken("divergence", _LOST, done + 1)
         if outcome.stop:
@@ -249,15 +252,12 @@ def terms_of(arm: Arm, outcome: ArmOutcome) -> dict[str, float]:
     }
 
 
-def _arms(objective: ArmObjective) -> list[Arm]:
-    arm = objective.settings.arm
-    return [arm, *(machine_of(str(number), arm).arm for number in objective.arms)]
-
-
-def _work(settings: ChainSettings, change: ArmChange, arm: Arm) -> ArmOutcome:
-    start = settings.poses.positions[0] if settings.start is None else settings.start
-    model = ArmModel.of(settings.arm)
-    return ArmSimulator(settings, model, arm).run(start, change, _LONGEST, SETTLING)
+@lru_cache(maxsize=2)
+def _simulators(run: bytes) -> tuple[ArmSimulator, ...]:
+    """The twins of a run and of numbers of drawn arms, which come pickled: a process makes them once for a search."""
+    settings, numbers = pickle.loads(run)
+    arms = [settings.arm, *(machine_of(str(number), settings.arm).arm for number in numbers)]
+    return tuple(ArmSimulator(settings, ArmModel.of(settings.arm), arm) for arm in arms)
 
 
 def _excess(terms: Mapping[str, float], outcome: ArmOutcome, limits: ArmLimits | None) -> tuple[str, float]:

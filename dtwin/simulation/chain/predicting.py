@@ -15,7 +15,7 @@ from dtwin.bus.chain.messages import JointOutcome, JointPredicted, JointQuestion
 from dtwin.errors import CommunicationError, DivergenceError, ParameterError
 from dtwin.run.chain import ChainSettings
 from dtwin.simulation.chain.simulator import ArmSimulator
-from dtwin.simulation.chain.whatif import ArmChange, loops_of
+from dtwin.simulation.chain.whatif import ArmChange
 
 SPAN: Final = 8.0
 """Time that the twin works, and for which the arm is measured, s."""
@@ -97,9 +97,10 @@ class Predicting:
         return ArmSimulator(self._tuned(base), base.model)
 
     def _outcome(self, base: ArmSettings, where: tuple[float, ...], change: ArmChange) -> JointOutcome:
-        loops = loops_of(self._tuned(base), base.model, change)
+        simulator = self._simulator(base)
+        loops = simulator.loops(change)
         try:
-            found = self._simulator(base).run(np.array(where), change, SPAN)
+            found = simulator.run(np.array(where), change, SPAN)
         except DivergenceError as error:
             raise ParameterError(f"the twin does not do its work with these settings: {error}") from None
 

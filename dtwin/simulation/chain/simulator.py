@@ -22,6 +22,7 @@ from dtwin.errors import DivergenceError, ParameterError
 from dtwin.loop.closed_loop import FINE, LOST, Course, Drives, PlantInMemory, Ticks
 from dtwin.run.chain import ChainSettings
 from dtwin.run.machine_code.chain import closed_loop
+from dtwin.run.margins.chain import JointMargins, PosedPlant, margins_of, posed_plants
 from dtwin.simulation.chain.checks import check_model
 from dtwin.simulation.chain.whatif import ArmChange, ArmOutcome, changed
 
@@ -31,6 +32,8 @@ _SHARP: Final = 0.002
 """Velocity over which dry friction changes its sign, in parts of the least speed of a joint: sharp."""
 _LOADS: Final = 16
 """Loads of which the twin is kept."""
+POSES: Final = 4
+"""Poses at which the loops are looked at."""
 
 
 class ArmSimulator:
@@ -59,6 +62,7 @@ class ArmSimulator:
             settings.late,
         )
         self._twin = lru_cache(_LOADS)(self._carrying)
+        self._plants = lru_cache(_LOADS)(self._posed)
         self._loop = closed_loop(self._blocks, len(known), self._drives)
 
     def run(self, start: Array, change: ArmChange, duration: float, after: float = np.inf) -> ArmOutcome:
@@ -92,6 +96,13 @@ class ArmSimulator:
         t: Array = np.arange(len(done.q), dtype=np.float64) * period
         reached = len(set(done.pose.tolist())) - 1 + blocks.done
         return ArmOutcome(t, done.q, done.target, done.command / self._drives.limit, blocks.stop, reached)
+
+    def loops(self, change: ArmChange) -> tuple[JointMargins, ...]:
+        """The margins of the loop of each joint with what is otherwise, at a few drawn poses."""
+        return margins_of(self._plants(change.payload), changed(self._settings.control, change))
+
+    def _posed(self, payload: float) -> list[PosedPlant]:
+        return posed_plants(holding(self._real, payload), POSES, late=self._settings.late)
 
     def _carrying(self, payload: float) -> tuple[NativeChain, DryFriction | None]:
         """The twin with a load, kg, and its dry friction if it has any."""

@@ -7,18 +7,13 @@ from typing import Final
 
 import numpy as np
 
-from dtwin.arm.chain import Arm, Array, holding
-from dtwin.arm.model import ArmModel
+from dtwin.arm.chain import Array
 from dtwin.controller.chain.application import Control
 from dtwin.errors import ParameterError
-from dtwin.run.chain import ChainSettings
-from dtwin.run.margins.chain import JointMargins, margins
-from dtwin.simulation.chain.checks import OBSERVERS, POLES, SLOWEST, check_model
+from dtwin.simulation.chain.checks import OBSERVERS, POLES, SLOWEST
 
 SPEEDS: Final = (SLOWEST, 2.0)
 """Speeds of paths that are tried, in parts of the data sheet's."""
-_POSES: Final = 4
-"""Poses at which the loops are looked at."""
 _FULL: Final = 1.0 - 1e-12
 
 
@@ -82,24 +77,6 @@ class ArmOutcome:
         period = self.t[1] - self.t[0] if len(self.t) > 1 else 0.0
         found: Array = period * np.sum(np.abs(self.command) >= _FULL, axis=0)
         return found
-
-
-def loops_of(
-    settings: ChainSettings, model: ArmModel, change: ArmChange, real: Arm | None = None
-) -> tuple[JointMargins, ...]:
-    """The margins of the loop of each joint with what is otherwise, at a few drawn poses.
-
-    Args:
-        settings: the run of the cell.
-        model: what the arm is as the twin knows it.
-        change: what is otherwise.
-        real: what the arm is, if it is something else than the model.
-
-    Raises:
-        ParameterError: the model is out of bounds.
-    """
-    arm = holding(check_model(settings.arm, model) if real is None else real, change.payload)
-    return margins(arm, changed(settings.control, change), _POSES, late=settings.late)
 
 
 def changed(control: Control, change: ArmChange) -> Control:
