@@ -81,6 +81,7 @@ CROWDED = {
     "dtwin.emulation.contact.bodies.Bodies": _VIEWS,
     "dtwin.line.live.overall.LiveOverall": _NOT_YET,
     "dtwin.line.live.zone.LiveZone": _NOT_YET,
+    "dtwin.line.twins.chain.ChainNodeTwin": _NOT_YET,
     "dtwin.line.twins.node.NodeTwin": _NOT_YET,
     "dtwin.monitoring.candidate.Candidate": _SAMPLE,
     "dtwin.monitoring.diagnosis.Diagnosis": _SAMPLE,
