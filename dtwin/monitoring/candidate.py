@@ -20,7 +20,7 @@ from dtwin.monitoring.estimation.arrays import Change
 from dtwin.monitoring.estimation.estimator import HANDLING, Estimator
 from dtwin.monitoring.estimation.layout import INDEX, PAYLOAD
 from dtwin.monitoring.estimation.traces import STANDSTILL
-from dtwin.monitoring.kinds import DRIFT, FaultId, reference
+from dtwin.monitoring.kinds import DRIFT, UNKNOWN, FaultId, reference
 from dtwin.monitoring.signatures import Onset
 from dtwin.monitoring.tracking.moments import Moment, Moments
 
@@ -138,7 +138,7 @@ class Candidate:
             case "torque":
                 estimator.disturb(fault.joint)
             case "push":
-                estimator.disturb(fault.joint, _PUSH)
+                estimator.disturb(fault.joint, deviation=_PUSH)
 
     def follow(self, moment: Moment) -> None:
         """Takes in a sample."""
@@ -242,6 +242,12 @@ class Candidate:
         """The same jump from the same onset, together with another."""
         return Candidate(self.fault, self.onset, sizes, delay=self._first_delay, other=other)
 
+    def roughly(self, torque: float, sizes: dict[str, float]) -> Candidate:
+        """That nothing has happened since the same onset, but any torque (N m) may act on every joint."""
+        rough = Candidate(FaultId(UNKNOWN, 1), self.onset, sizes)
+        rough.estimator.disturb(1, 2, 3, deviation=torque)
+        return rough
+
     def _moved(self, name: str) -> str:
         """The state by which one is told to change: the share of a disk that slips offsets nothing at once."""
         return self.fault.named(DRIFT) if self._slips else name
@@ -279,7 +285,7 @@ class Candidate:
         elif self.fault.about.hypothesis == "jump":
             self.estimator.spread(self._spreads)
         elif self.fault.about.hypothesis == "push":
-            self.estimator.disturb(0)
+            self.estimator.disturb()
         elif self.fault.about.hypothesis == "hold":
             self.estimator.lock(self.fault.joint)
 

@@ -284,6 +284,15 @@ class Diagnosis:
         sized = () if top.fault.about.hypothesis == "loss" else self._sizes.keys() & top.changes().keys()
         return age >= ENOUGH or all(top.estimator.deviation(name) <= _PRECISE * self._sizes[name] for name in sized)
 
+    def roughly(self, top: Candidate, torque: float) -> float:
+        """The gain since a candidate's onset of an arm that nothing has befallen, but whose model lacks torques.
+
+        Args:
+            top: the candidate.
+            torque: standard deviation of these torques, N m.
+        """
+        return self._caught_up(top.roughly(torque, self._sizes)).gain
+
     def _compare(self, moment: Moment, still: StandsStill) -> None:
         """Gives up that an encoder has stopped once another reading comes, and that its joint stands still if that is
         farther off than rounding and noise."""

@@ -268,6 +268,12 @@ class Findings:
         joint = Counter(found.joint or 1 for found in recent).most_common(1)[0][0]
         self.enter(time, finding(FaultId(UNKNOWN, joint), min(found.since for found in recent), since))
 
+    def dismiss(self, time: float) -> None:
+        """Strikes out, at a plant time (s), what rests on a model that is not that of the arm."""
+        for found in list(self.current.values()):
+            if found.fault.kind not in READ:
+                self.end(time, found.parameter, f"{found.text()}: the model that said so does not fit")
+
     def end(self, time: float, parameter: str, why: str = "") -> None:
         """Strikes a finding out if there is one, and tolerates it no more."""
         self._tolerated.discard(parameter)

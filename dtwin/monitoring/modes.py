@@ -13,7 +13,7 @@ unfit to settling or watching.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
@@ -21,11 +21,14 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from dtwin.errors import ParameterError, choices
 from dtwin.monitoring.diagnosis import Diagnosis
 from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.estimation.layout import ARM, W
-from dtwin.monitoring.kinds import FaultId, parse_fault_id
-from dtwin.monitoring.signatures import SignatureBank
+from dtwin.monitoring.kinds import JUMPS, FaultId, parse_fault_id
+from dtwin.monitoring.sensing.stopped import repeating, stands_still
+from dtwin.monitoring.signatures import Limits, SignatureBank, Suspicion
+from dtwin.monitoring.tracking.tracking import Tracking
 from dtwin.monitoring.verdict import Finding
 
 LOST: Final = 5
@@ -41,6 +44,8 @@ OWN: Final = 0.4
 nothing is refitted from what is less probable than not"""
 _FAST: Final = 0.1
 """rad/s"""
+HELPS: Final = "identify the arm with `dtwin commission LOG --out RECORD`, and watch it with `--commissioned RECORD`"
+"""What to do about a model that does not fit, in words."""
 _OFF: Final = 4.5
 """standard deviations: a joint that was farther off is named"""
 LOST_WITHIN: Final = 600
@@ -139,6 +144,57 @@ def suspected(mode: Mode, bank: SignatureBank, warning: float) -> FaultId | None
         return mode.diagnosis.best()[0].fault if mode.known is None else None
     possible = isinstance(mode, Watching | Lost) and bank.worst() >= warning
     return bank.suspicions()[0].fault if possible else None
+
+
+def diagnosing(
+    suspicions: Sequence[Suspicion],
+    stopped: Sequence[int],
+    track: Tracking,
+    sizes: dict[str, float],
+    by: Limits,
+    misfit: float,
+    locked: bool,
+) -> Diagnosing:
+    """The mode in which a diagnosis begins with the last sample.
+
+    Args:
+        suspicions: what is suspected; of a joint that stands still only what its motion has told before is a cause
+            beside those of standing still.
+        stopped: joints (1 to 3) that stand still, or their encoders do.
+        track: the samples.
+        sizes, misfit, locked: see `Diagnosis`.
+        by: what decides.
+    """
+    where = track.readings, track.sample, track.bank
+    still, resting = (stands_still(joints, *where) for joints in (stopped, repeating(track.readings)))
+    seen = (suspicions, track.moments, track.sample, sizes, locked, still, resting)
+    return Diagnosing(Diagnosis(*seen, temper=by.temper, misfit=misfit, charges=by.charges))
+
+
+def statistic(mode: Mode, bank: SignatureBank, threshold: float) -> float:
+    """The strongest evidence of a sudden change, see `Monitor.statistic`."""
+    if isinstance(mode, Diagnosing):
+        return threshold
+    return 0.0 if isinstance(mode, Settling) else bank.worst()
+
+
+def statistics(mode: Mode, bank: SignatureBank) -> NDArray[np.float64]:
+    """The strongest evidence of a sudden change of each of JUMPS, (18,), see `Monitor.statistics`."""
+    return np.zeros(len(JUMPS)) if isinstance(mode, Diagnosing | Settling) else bank.statistics().max(axis=0)
+
+
+def acknowledged(mode: Mode, known: Mapping[str, None], parameter: str) -> Mode:
+    """The mode after an operator has taken what is known by name, or is diagnosed, to be as it is; "" for all of it.
+
+    Raises:
+        ParameterError: nothing of that name is wrong.
+    """
+    pending = mode.news if isinstance(mode, Diagnosing) else None
+    names = list(known if pending is None else {**known, pending.parameter: None})
+    if parameter and parameter not in names:
+        there = f"expected {choices(names)}" if names else "there is nothing to acknowledge"
+        raise ParameterError(f"no finding {parameter!r}: {there}")
+    return mode.acknowledged(parameter) if isinstance(mode, Diagnosing) else mode
 
 
 def settling(mode: Mode, left: int, begun: bool) -> Settling:
@@ -279,7 +335,7 @@ class Probation:
         joints = [i for i in range(3) if self._furthest[i] > _OFF] or [int(self._furthest.argmax())]
         return {
             i + 1: f"the model does not fit this arm: joint {i + 1} is up to {self._furthest[i]:.1f} standard"
-            " deviations from where it predicts it; identify the arm and watch it with that model"
+            f" deviations from where it predicts it; {HELPS}"
             for i in joints
         }
 

@@ -150,10 +150,15 @@ def verdict_on(
         misfit: what there is to say of joints that the model does not fit, see `unfit_units`.
         unobservable, missed, restarts: as in `MonitoringVerdict`.
     """
-    units = unfit_units(misfit) or monitored_units(unit_states(suspected, forecasts, findings), findings)
+    if misfit:
+        failed = {unit for each in findings for unit in units_of(each.fault)}
+        told = monitored_units(unit_states(None, (), findings), findings)
+        units = unfit_units(misfit) | {unit: told[unit] for unit in failed}
+    else:
+        units = monitored_units(unit_states(suspected, forecasts, findings), findings)
     texts = tuple(forecast.text() for forecast in forecasts)
-    told = tuple(map(monitored, gravest_first(findings)))
-    return MonitoringVerdict(time, units, texts, unobservable, missed, restarts, told)
+    found = tuple(map(monitored, gravest_first(findings)))
+    return MonitoringVerdict(time, units, texts, unobservable, missed, restarts, found)
 
 
 def unit_states(
