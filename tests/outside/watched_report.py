@@ -1,8 +1,8 @@
 """The tables of what the monitor makes of effects and faults around the plant, and what was asked beside them.
 
 Run by `scripts/outside --watched`, with a folder that keeps the records of commissioned arms, minutes of healthy work
-with each effect, number of processes, a word that the names of all that is tried have, and the number of the generators.
-`--sheet` before them commissions no arm, and watches healthy work with the data sheet's model alone.
+with each effect, number of processes, a word that the names of all that is tried have, the number of the generators, and
+`sheet` if no arm is commissioned and only healthy work is watched, with the data sheet's model alone.
 """
 
 import sys
@@ -177,6 +177,5 @@ def main(
 
 
 if __name__ == "__main__":
-    given = [text for text in sys.argv[1:] if text != "--sheet"]
-    values = [kind(text) for kind, text in zip((str, float, int, str, int), given, strict=False)]
-    main(*values, sheet=len(given) < len(sys.argv) - 1)
+    kinds = (str, float, int, str, int, "sheet".__eq__)
+    main(*(kind(text) for kind, text in zip(kinds, sys.argv[1:], strict=False)))
