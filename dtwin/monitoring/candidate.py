@@ -20,7 +20,7 @@ from dtwin.monitoring.estimation.arrays import Change
 from dtwin.monitoring.estimation.estimator import HANDLING, Estimator
 from dtwin.monitoring.estimation.layout import INDEX, PAYLOAD
 from dtwin.monitoring.estimation.traces import STANDSTILL
-from dtwin.monitoring.kinds import DRIFT, UNKNOWN, FaultId, reference
+from dtwin.monitoring.kinds import BIAS, DRIFT, UNKNOWN, FaultId, reference
 from dtwin.monitoring.signatures import Onset
 from dtwin.monitoring.tracking.moments import Moment, Moments
 
@@ -38,6 +38,8 @@ _LARGEST: Final = 50.0**2
 """Square of a size, relative to a plausible one, from which on it is that of an estimate that diverges."""
 _SEEN: Final = 20
 """Samples in which it shows that a push has ended, or what an arm does without its box."""
+_ALIKE: Final = 0.02
+"""Share by which the jumps of two encoders that read each other's angles differ at most."""
 _PUSH: Final = 0.3
 """Standard deviation of the torque of a push, N m."""
 
@@ -212,6 +214,15 @@ class Candidate:
     def includes(self, other: Candidate) -> bool:
         """Whether it is the cause of another one, alone or beside a second."""
         return set(other.cause) <= set(self.cause)
+
+    @property
+    def swapped(self) -> bool:
+        """Whether it is that two encoders have jumped by as much, each the other way: they read each other's angles,
+        which are no offsets, as the joints move on."""
+        if not self.other or {each.kind for each in self.faults} != {BIAS}:
+            return False
+        first, second = (change.value - change.before for change in self.changes().values())
+        return abs(first + second) < _ALIKE * abs(first)
 
     @property
     def waits(self) -> bool:

@@ -38,7 +38,7 @@ from dtwin.monitoring.sensing.bursts import Bursts
 from dtwin.monitoring.sensing.gripper import GripperWatch
 from dtwin.monitoring.sensing.readings import Readings
 from dtwin.monitoring.trend import WATCHED, Trend
-from dtwin.monitoring.verdict import Finding, finding
+from dtwin.monitoring.verdict import Finding, beside, finding
 from dtwin.parameters import PERIOD
 from dtwin.signals import Event
 
@@ -150,7 +150,8 @@ class Findings:
             told = [self._finding(candidate, name, pending.confidence, pending.detected) for name in sure]
         named = {found.parameter for found in told}
         instead = tuple(name for name in pending.others if name not in named)
-        settled = [msgspec.structs.replace(found, others=instead, follows=pending.follows) for found in told]
+        told = [told[0], *(beside(told[0], found) for found in told[1:])]
+        settled = [msgspec.structs.replace(f, others=instead, follows=pending.follows or f.follows) for f in told]
         after = [self._settle(time, candidate, found) for found in settled]
         jumped = [each.jumped for each in after if each.jumped]
         forget = tuple(name for each in after for name in each.forget)

@@ -25,10 +25,11 @@ from dtwin.errors import ParameterError, choices
 from dtwin.monitoring.diagnosis import Diagnosis
 from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.estimation.layout import ARM, W
-from dtwin.monitoring.kinds import JUMPS, FaultId, parse_fault_id
+from dtwin.monitoring.kinds import JUMPS, UNKNOWN, FaultId, parse_fault_id
 from dtwin.monitoring.sensing.stopped import repeating, stands_still
 from dtwin.monitoring.signatures import Limits, SignatureBank, Suspicion
 from dtwin.monitoring.tracking.tracking import Tracking
+from dtwin.monitoring.verdict import OWN as OWN
 from dtwin.monitoring.verdict import Finding
 
 LOST: Final = 5
@@ -38,10 +39,10 @@ STARTING: Final = 10
 PROVEN: Final = 400
 """samples of motion that a model has to explain before what it does not explain is a fault of the arm"""
 _RETURNED: Final = 1500
-"""samples of motion after which a model that did not fit does"""
-OWN: Final = 0.4
-"""most probability of a cause that is found before the arm is understood again: second faults so soon are rare, and
-nothing is refitted from what is less probable than not"""
+"""samples of motion after which a model that did not fit does, and an arm is understood of which something was
+unknown or was taken away"""
+_LASTING: Final = ("torque", "loss", "hold", "stop")
+"""hypotheses of what no parameter makes good: the arm moves otherwise each time that it shows"""
 _FAST: Final = 0.1
 """rad/s"""
 HELPS: Final = "identify the arm with `dtwin commission LOG --out RECORD`, and watch it with `--commissioned RECORD`"
@@ -226,11 +227,12 @@ class Turns:
 
     What is found before the arm, as it is believed since the first of them, has explained its motion for a while may
     be a consequence of that one: the arm has hit something, is held where it shall not be, or is not yet understood.
+    That takes longer where the first one is unknown, and shows again, or takes a motor, a joint or an encoder away.
     """
 
     def __init__(self) -> None:
         self._turns: deque[Turn] = deque(maxlen=LOST)
-        self._first = ""
+        self._first, self._lasting = "", False
         self._told: list[FaultId] = []
         self._explained = 0
 
@@ -243,8 +245,8 @@ class Turns:
         """Takes in a sample that nothing is suspected from; while the monitor is lost none explains anything."""
         if self._first and isinstance(mode, Watching):
             self._explained += _moves(estimator)
-            if self._explained >= PROVEN:
-                self._first, self._told = "", []
+            if self._explained >= (_RETURNED if self._lasting else PROVEN):
+                self._first, self._told, self._lasting = "", [], False
 
     def judged(self, found: Finding, faults: Sequence[FaultId]) -> Finding:
         """What a diagnosis has come to, no surer than what may be a consequence can be.
@@ -263,7 +265,10 @@ class Turns:
         """Takes in the findings that a diagnosis has come to."""
         for found in settled:
             self._first = self._first or found.parameter
-            self._told += [] if found.follows else [found.fault, *map(parse_fault_id, found.others)]
+            self._lasting = self._lasting or found.fault.about.hypothesis in _LASTING
+            # What an unknown cause may be instead has not explained the motion.
+            instead = () if found.fault.kind == UNKNOWN else found.others
+            self._told += [] if found.follows else [found.fault, *map(parse_fault_id, instead)]
             self._explained = 0
 
     def enter(self, turn: Turn) -> None:

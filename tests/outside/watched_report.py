@@ -1,8 +1,8 @@
 """The tables of what the monitor makes of effects and faults around the plant, and what was asked beside them.
 
 Run by `scripts/outside --watched`, with a folder that keeps the records of commissioned arms, minutes of healthy work
-with each effect, number of processes, a word that the names of all that is tried have, the number of the generators, and
-`sheet` if no arm is commissioned and only healthy work is watched, with the data sheet's model alone.
+with each effect, number of processes, a word that the names of all that is tried have, the number of the generators,
+and `sheet` if no arm is commissioned and only healthy work is watched, with the data sheet's model alone.
 """
 
 import sys
@@ -163,12 +163,12 @@ def _asked(rows: Sequence[tuple[str, str]]) -> None:
 
 
 def main(
-    folder: str, minutes: float = 60.0, workers: int = 2, word: str = "", seed: int | None = None, sheet: bool = False
+    folder: str, minutes: float = 60.0, workers: int = 2, word: str = "", seed: int | None = None, models: str = ""
 ) -> None:
     """Prints the tables."""
     place, workforce = Path(folder), Workforce(workers)
     place.mkdir(parents=True, exist_ok=True)
-    keeper = None if sheet else _Keeper(place)
+    keeper = None if models == "sheet" else _Keeper(place)
     healthy, faulty = _SEEDS if seed is None else (seed, seed)
     if keeper and any(word in name for name in FAULTS):
         _fault_rows(keeper, workforce, word, faulty)
@@ -177,5 +177,4 @@ def main(
 
 
 if __name__ == "__main__":
-    kinds = (str, float, int, str, int, "sheet".__eq__)
-    main(*(kind(text) for kind, text in zip(kinds, sys.argv[1:], strict=False)))
+    main(*(kind(text) for kind, text in zip((str, float, int, str, int, str), sys.argv[1:], strict=False)))
