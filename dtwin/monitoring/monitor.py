@@ -111,8 +111,7 @@ class Monitor:
                 track.sample += 1
                 self._step(angles, step == gap, command, doubt)
         track.command, track.gripped = volts, gripped
-        louder = self._readings.listen(measured)
-        if louder is not None:
+        if (louder := self._readings.listen(measured)) is not None:
             self._belief = replace(self._belief, noise=louder)
             self._start_over()
 
@@ -331,6 +330,8 @@ class Monitor:
         if self._bank.exceeds(self.threshold):
             self._mode, self._probation = Unfit(), Probation()
             self._start_over()
+        elif unfit.over and self._sheet.stays():
+            self._mode, self.threshold = Watching(), max(self.threshold, LOUD)
         elif unfit.over:
             self._mode, self._misfit = Watching(), {}
             self.findings.note(self.time, "fits", "the model explains the motion of this arm after all")

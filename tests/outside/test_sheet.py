@@ -1,9 +1,11 @@
 """An arm that nobody has commissioned, with effects of other sizes than the table's: one message and grave faults."""
 
+from dataclasses import replace
+
 import pytest
 
 from dtwin.monitoring.monitor import Monitor
-from dtwin.monitoring.readiness.sheet import WORDS
+from dtwin.monitoring.readiness.sheet import WORDS, SheetTrial
 from dtwin.signals import EventKind
 from tests.outside import drives, readings, watched
 from tests.outside.effect import Effect, later, nothing, together
@@ -60,3 +62,10 @@ def test_a_stopped_encoder_is_told_of_an_arm_that_is_far_from_its_data_sheet(mon
     states = {name: unit.state for name, unit in monitor.verdict().units.items()}
     assert states.pop("joint 2") == "failed"
     assert set(states.values()) == {"not commissioned"}
+
+
+def test_a_data_sheet_that_did_not_fit_stays_so() -> None:
+    trial = SheetTrial(data_sheet())
+    assert trial.stays()
+    assert trial.failed
+    assert not SheetTrial(replace(data_sheet(), sheet=False)).stays()

@@ -78,6 +78,12 @@ class SheetTrial:
         if not self.failed:
             findings.note(time, kind, text)
 
+    def stays(self) -> bool:
+        """Whether a model that did not fit the first motion does not fit though it explains what came later: a data
+        sheet's is known not to be this arm's then, and only what is grave is a fault from now on."""
+        self.failed = self._on
+        return self.failed
+
     @property
     def fails(self) -> bool:
         """Whether so many have just become too many."""
