@@ -46,13 +46,13 @@ from dtwin.bus.twin_messages import (
 from dtwin.errors import CommunicationError, DtwinError, ParameterError
 from dtwin.identification.machine.record import read_record
 from dtwin.identification.model import read_model
-from dtwin.monitoring.estimation.belief import Belief, assumed, commissioned, identified
+from dtwin.monitoring.estimation.belief import Belief, commissioned, data_sheet, identified
 from dtwin.monitoring.estimation.tuning import tuning_for
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.readiness.rehearsal import Rehearsal
 from dtwin.monitoring.settings import ALARMS_PER_HOUR, MonitorSettings
 from dtwin.monitoring.tracking.samples import Samples
-from dtwin.parameters import ArmParameters, Triple
+from dtwin.parameters import Triple
 from dtwin.run.options import CellFileOption
 from dtwin.services.parts.readiness.preparation import prepare
 from dtwin.services.parts.stopping.demands import Demands, Failure
@@ -102,7 +102,7 @@ class Options(CellFileOption, Link):
     def _belief(self) -> Belief:
         if self.commissioned is not None:
             return commissioned(read_record(self.commissioned))
-        return assumed(ArmParameters(), UNHEARD) if self.model is None else identified(read_model(self.model))
+        return data_sheet(UNHEARD) if self.model is None else identified(read_model(self.model))
 
 
 class Monitoring:

@@ -20,7 +20,7 @@ from dtwin.identification.model import IdentifiedModel
 from dtwin.identification.store import STORE, ModelStore, open_model
 from dtwin.logs.belonging import check_belonging
 from dtwin.logs.log import Log
-from dtwin.monitoring.estimation.belief import Belief, assumed, believed_arm, commissioned, identified
+from dtwin.monitoring.estimation.belief import Belief, believed_arm, commissioned, data_sheet, identified
 from dtwin.monitoring.estimation.tuning import tuning_for
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import SECOND, Stream, Trace, stream, watch
@@ -219,4 +219,4 @@ def _belief(seen: Stream, model: Identified | str | Path | None, store: AnyPath,
     if record is not None:
         return commissioned(read_record(Path(record)))
     first, second, third = noise(seen.measured).tolist()
-    return assumed(ArmParameters(), (first, second, third))
+    return data_sheet((first, second, third))

@@ -20,7 +20,7 @@ from dtwin.monitoring.estimation.arrays import Change
 from dtwin.monitoring.estimation.estimator import HANDLING, Estimator
 from dtwin.monitoring.estimation.layout import INDEX, PAYLOAD
 from dtwin.monitoring.estimation.traces import STANDSTILL
-from dtwin.monitoring.kinds import DRIFT, FaultId, reference
+from dtwin.monitoring.kinds import BIAS, DRIFT, UNKNOWN, FaultId, reference
 from dtwin.monitoring.signatures import Onset
 from dtwin.monitoring.tracking.moments import Moment, Moments
 
@@ -38,6 +38,8 @@ _LARGEST: Final = 50.0**2
 """Square of a size, relative to a plausible one, from which on it is that of an estimate that diverges."""
 _SEEN: Final = 20
 """Samples in which it shows that a push has ended, or what an arm does without its box."""
+_ALIKE: Final = 0.02
+"""Share by which the jumps of two encoders that read each other's angles differ at most."""
 _PUSH: Final = 0.3
 """Standard deviation of the torque of a push, N m."""
 
@@ -138,7 +140,7 @@ class Candidate:
             case "torque":
                 estimator.disturb(fault.joint)
             case "push":
-                estimator.disturb(fault.joint, _PUSH)
+                estimator.disturb(fault.joint, deviation=_PUSH)
 
     def follow(self, moment: Moment) -> None:
         """Takes in a sample."""
@@ -214,6 +216,15 @@ class Candidate:
         return set(other.cause) <= set(self.cause)
 
     @property
+    def swapped(self) -> bool:
+        """Whether it is that two encoders have jumped by as much, each the other way: they read each other's angles,
+        which are no offsets, as the joints move on."""
+        if not self.other or {each.kind for each in self.faults} != {BIAS}:
+            return False
+        first, second = (change.value - change.before for change in self.changes().values())
+        return abs(first + second) < _ALIKE * abs(first)
+
+    @property
     def waits(self) -> bool:
         """Whether it has not been seen what comes after: of a push, that it has ended for a while. Of a box that is
         lost, how the arm moves once the box touches it no more, because until then nearly any motion is possible."""
@@ -241,6 +252,12 @@ class Candidate:
     def beside(self, other: FaultId, sizes: dict[str, float]) -> Candidate:
         """The same jump from the same onset, together with another."""
         return Candidate(self.fault, self.onset, sizes, delay=self._first_delay, other=other)
+
+    def roughly(self, torque: float, sizes: dict[str, float]) -> Candidate:
+        """That nothing has happened since the same onset, but any torque (N m) may act on every joint."""
+        rough = Candidate(FaultId(UNKNOWN, 1), self.onset, sizes)
+        rough.estimator.disturb(1, 2, 3, deviation=torque)
+        return rough
 
     def _moved(self, name: str) -> str:
         """The state by which one is told to change: the share of a disk that slips offsets nothing at once."""
@@ -279,7 +296,7 @@ class Candidate:
         elif self.fault.about.hypothesis == "jump":
             self.estimator.spread(self._spreads)
         elif self.fault.about.hypothesis == "push":
-            self.estimator.disturb(0)
+            self.estimator.disturb()
         elif self.fault.about.hypothesis == "hold":
             self.estimator.lock(self.fault.joint)
 

@@ -23,10 +23,9 @@ from dtwin.monitoring.kinds import (
     SUPPLY,
     UNKNOWN,
     FaultId,
-    faults,
 )
 from dtwin.monitoring.sensing.stopped import StandsStill
-from dtwin.monitoring.signatures import SOONER, Suspicion
+from dtwin.monitoring.signatures import SOONER, Onset, Suspicion
 from dtwin.monitoring.tracking.moments import Moment, Moments
 
 CONSIDERED: Final = 10
@@ -229,18 +228,24 @@ class Diagnosis:
         top, probability, _ = found
         if top.sample < self._sample:
             return found
+        if top.swapped:
+            return found._replace(candidate=self._unknown(top.onset, *(each.joint for each in top.faults)), others=())
         if self.certain and self._convinces(top, probability):
             if top.fault.kind in (FREEZE, LOCK):
                 return found
         elif self.certain and (stopped := self._stopped(found)):
             return stopped
         if top.misfit > self._misfit:
-            unknown = [self._caught_up(Candidate(fault, top.onset, self._sizes)) for fault in faults(UNKNOWN)]
-            return found._replace(candidate=max(unknown, key=lambda each: each.gain))
+            return found._replace(candidate=self._unknown(top.onset, 1, 2, 3))
         if not top.changes():
             return found
         again = self._caught_up(top.again(self._sizes))
         return found._replace(candidate=max(top, again, key=lambda either: either.gain))
+
+    def _unknown(self, onset: Onset, *joints: int) -> Candidate:
+        """The unknown cause since an onset, of one of some joints (1 to 3), that explains the motion best."""
+        unknown = [self._caught_up(Candidate(FaultId(UNKNOWN, joint), onset, self._sizes)) for joint in joints]
+        return max(unknown, key=lambda each: each.gain)
 
     def _stopped(self, found: Conclusion) -> Conclusion | None:
         """That an encoder has stopped, as probable as it was while a cause explained the motion.
@@ -283,6 +288,10 @@ class Diagnosis:
         # What is lost has no size to be told.
         sized = () if top.fault.about.hypothesis == "loss" else self._sizes.keys() & top.changes().keys()
         return age >= ENOUGH or all(top.estimator.deviation(name) <= _PRECISE * self._sizes[name] for name in sized)
+
+    def roughly(self, top: Candidate, torque: float) -> float:
+        """The gain since a candidate's onset of a healthy arm whose model lacks torques of such a deviation (N m)."""
+        return self._caught_up(top.roughly(torque, self._sizes)).gain
 
     def _compare(self, moment: Moment, still: StandsStill) -> None:
         """Gives up that an encoder has stopped once another reading comes, and that its joint stands still if that is

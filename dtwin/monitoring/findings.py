@@ -38,7 +38,7 @@ from dtwin.monitoring.sensing.bursts import Bursts
 from dtwin.monitoring.sensing.gripper import GripperWatch
 from dtwin.monitoring.sensing.readings import Readings
 from dtwin.monitoring.trend import WATCHED, Trend
-from dtwin.monitoring.verdict import Finding, finding
+from dtwin.monitoring.verdict import Finding, beside, finding
 from dtwin.parameters import PERIOD
 from dtwin.signals import Event
 
@@ -150,7 +150,8 @@ class Findings:
             told = [self._finding(candidate, name, pending.confidence, pending.detected) for name in sure]
         named = {found.parameter for found in told}
         instead = tuple(name for name in pending.others if name not in named)
-        settled = [msgspec.structs.replace(found, others=instead, follows=pending.follows) for found in told]
+        told = [told[0], *(beside(told[0], found) for found in told[1:])]
+        settled = [msgspec.structs.replace(f, others=instead, follows=pending.follows or f.follows) for f in told]
         after = [self._settle(time, candidate, found) for found in settled]
         jumped = [each.jumped for each in after if each.jumped]
         forget = tuple(name for each in after for name in each.forget)
@@ -267,6 +268,12 @@ class Findings:
                 self.current.setdefault(name, found)
         joint = Counter(found.joint or 1 for found in recent).most_common(1)[0][0]
         self.enter(time, finding(FaultId(UNKNOWN, joint), min(found.since for found in recent), since))
+
+    def dismiss(self, time: float) -> None:
+        """Strikes out, at a plant time (s), what rests on a model that is not that of the arm."""
+        for found in list(self.current.values()):
+            if found.fault.kind not in READ:
+                self.end(time, found.parameter, f"{found.text()}: the model that said so does not fit")
 
     def end(self, time: float, parameter: str, why: str = "") -> None:
         """Strikes a finding out if there is one, and tolerates it no more."""

@@ -13,7 +13,7 @@ unfit to settling or watching.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
@@ -21,11 +21,15 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from dtwin.errors import ParameterError, choices
 from dtwin.monitoring.diagnosis import Diagnosis
 from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.estimation.layout import ARM, W
-from dtwin.monitoring.kinds import FaultId, parse_fault_id
-from dtwin.monitoring.signatures import SignatureBank
+from dtwin.monitoring.kinds import JUMPS, UNKNOWN, FaultId, parse_fault_id
+from dtwin.monitoring.sensing.stopped import repeating, stands_still
+from dtwin.monitoring.signatures import Limits, SignatureBank, Suspicion
+from dtwin.monitoring.tracking.tracking import Tracking
+from dtwin.monitoring.verdict import OWN as OWN
 from dtwin.monitoring.verdict import Finding
 
 LOST: Final = 5
@@ -35,12 +39,14 @@ STARTING: Final = 10
 PROVEN: Final = 400
 """samples of motion that a model has to explain before what it does not explain is a fault of the arm"""
 _RETURNED: Final = 1500
-"""samples of motion after which a model that did not fit does"""
-OWN: Final = 0.4
-"""most probability of a cause that is found before the arm is understood again: second faults so soon are rare, and
-nothing is refitted from what is less probable than not"""
+"""samples of motion after which a model that did not fit does, and an arm is understood of which something was
+unknown or was taken away"""
+_LASTING: Final = ("torque", "loss", "hold", "stop")
+"""hypotheses of what no parameter makes good: the arm moves otherwise each time that it shows"""
 _FAST: Final = 0.1
 """rad/s"""
+HELPS: Final = "identify the arm with `dtwin commission LOG --out RECORD`, and watch it with `--commissioned RECORD`"
+"""What to do about a model that does not fit, in words."""
 _OFF: Final = 4.5
 """standard deviations: a joint that was farther off is named"""
 LOST_WITHIN: Final = 600
@@ -141,6 +147,57 @@ def suspected(mode: Mode, bank: SignatureBank, warning: float) -> FaultId | None
     return bank.suspicions()[0].fault if possible else None
 
 
+def diagnosing(
+    suspicions: Sequence[Suspicion],
+    stopped: Sequence[int],
+    track: Tracking,
+    sizes: dict[str, float],
+    by: Limits,
+    misfit: float,
+    locked: bool,
+) -> Diagnosing:
+    """The mode in which a diagnosis begins with the last sample.
+
+    Args:
+        suspicions: what is suspected; of a joint that stands still only what its motion has told before is a cause
+            beside those of standing still.
+        stopped: joints (1 to 3) that stand still, or their encoders do.
+        track: the samples.
+        sizes, misfit, locked: see `Diagnosis`.
+        by: what decides.
+    """
+    where = track.readings, track.sample, track.bank
+    still, resting = (stands_still(joints, *where) for joints in (stopped, repeating(track.readings)))
+    seen = (suspicions, track.moments, track.sample, sizes, locked, still, resting)
+    return Diagnosing(Diagnosis(*seen, temper=by.temper, misfit=misfit, charges=by.charges))
+
+
+def statistic(mode: Mode, bank: SignatureBank, threshold: float) -> float:
+    """The strongest evidence of a sudden change, see `Monitor.statistic`."""
+    if isinstance(mode, Diagnosing):
+        return threshold
+    return 0.0 if isinstance(mode, Settling) else bank.worst()
+
+
+def statistics(mode: Mode, bank: SignatureBank) -> NDArray[np.float64]:
+    """The strongest evidence of a sudden change of each of JUMPS, (18,), see `Monitor.statistics`."""
+    return np.zeros(len(JUMPS)) if isinstance(mode, Diagnosing | Settling) else bank.statistics().max(axis=0)
+
+
+def acknowledged(mode: Mode, known: Mapping[str, None], parameter: str) -> Mode:
+    """The mode after an operator has taken what is known by name, or is diagnosed, to be as it is; "" for all of it.
+
+    Raises:
+        ParameterError: nothing of that name is wrong.
+    """
+    pending = mode.news if isinstance(mode, Diagnosing) else None
+    names = list(known if pending is None else {**known, pending.parameter: None})
+    if parameter and parameter not in names:
+        there = f"expected {choices(names)}" if names else "there is nothing to acknowledge"
+        raise ParameterError(f"no finding {parameter!r}: {there}")
+    return mode.acknowledged(parameter) if isinstance(mode, Diagnosing) else mode
+
+
 def settling(mode: Mode, left: int, begun: bool) -> Settling:
     """Settles for some samples; who was lost is lost after that. The last arguments are as in `Settling`."""
     then = mode.then if isinstance(mode, Settling) else mode
@@ -170,11 +227,12 @@ class Turns:
 
     What is found before the arm, as it is believed since the first of them, has explained its motion for a while may
     be a consequence of that one: the arm has hit something, is held where it shall not be, or is not yet understood.
+    That takes longer where the first one is unknown, and shows again, or takes a motor, a joint or an encoder away.
     """
 
     def __init__(self) -> None:
         self._turns: deque[Turn] = deque(maxlen=LOST)
-        self._first = ""
+        self._first, self._lasting = "", False
         self._told: list[FaultId] = []
         self._explained = 0
 
@@ -187,8 +245,8 @@ class Turns:
         """Takes in a sample that nothing is suspected from; while the monitor is lost none explains anything."""
         if self._first and isinstance(mode, Watching):
             self._explained += _moves(estimator)
-            if self._explained >= PROVEN:
-                self._first, self._told = "", []
+            if self._explained >= (_RETURNED if self._lasting else PROVEN):
+                self._first, self._told, self._lasting = "", [], False
 
     def judged(self, found: Finding, faults: Sequence[FaultId]) -> Finding:
         """What a diagnosis has come to, no surer than what may be a consequence can be.
@@ -207,7 +265,10 @@ class Turns:
         """Takes in the findings that a diagnosis has come to."""
         for found in settled:
             self._first = self._first or found.parameter
-            self._told += [] if found.follows else [found.fault, *map(parse_fault_id, found.others)]
+            self._lasting = self._lasting or found.fault.about.hypothesis in _LASTING
+            # What an unknown cause may be instead has not explained the motion.
+            instead = () if found.fault.kind == UNKNOWN else found.others
+            self._told += [] if found.follows else [found.fault, *map(parse_fault_id, instead)]
             self._explained = 0
 
     def enter(self, turn: Turn) -> None:
@@ -279,7 +340,7 @@ class Probation:
         joints = [i for i in range(3) if self._furthest[i] > _OFF] or [int(self._furthest.argmax())]
         return {
             i + 1: f"the model does not fit this arm: joint {i + 1} is up to {self._furthest[i]:.1f} standard"
-            " deviations from where it predicts it; identify the arm and watch it with that model"
+            f" deviations from where it predicts it; {HELPS}"
             for i in joints
         }
 

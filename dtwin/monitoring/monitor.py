@@ -4,26 +4,24 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.bus.twin_messages import MonitoringVerdict
-from dtwin.errors import ParameterError, choices
 from dtwin.monitoring import modes
 from dtwin.monitoring.candidate import Candidate
-from dtwin.monitoring.diagnosis import CERTAIN, PAUSE, Diagnosis
-from dtwin.monitoring.dismissals import Dismissals
+from dtwin.monitoring.diagnosis import CERTAIN, PAUSE
 from dtwin.monitoring.estimation.belief import Belief
 from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.findings import Findings
-from dtwin.monitoring.kinds import JUMPS, PUSH, UNKNOWN, plausible_sizes
+from dtwin.monitoring.kinds import PUSH, UNKNOWN, plausible_sizes
 from dtwin.monitoring.modes import Diagnosing, Lost, Mode, Probation, Settling, Turn, Turns, Unfit, Watching, settling
+from dtwin.monitoring.readiness.sheet import LOUD, SheetTrial
 from dtwin.monitoring.sensing.commands import all_finite, commands_between
 from dtwin.monitoring.sensing.listening import Listening, replay, with_noise
 from dtwin.monitoring.sensing.readings import Readings
-from dtwin.monitoring.sensing.stopped import StandsStill, Stopped, repeating, stands_still
+from dtwin.monitoring.sensing.stopped import Stopped, stands_still
 from dtwin.monitoring.settings import MonitorSettings
 from dtwin.monitoring.signatures import SignatureBank, limits
 from dtwin.monitoring.tracking.moments import Moment
@@ -35,7 +33,6 @@ from dtwin.monitoring.verdict import Finding, Forecast, verdict_on
 from dtwin.parameters import PERIOD
 
 Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 
 class Monitor:
@@ -59,15 +56,15 @@ class Monitor:
     def __init__(self, belief: Belief, settings: MonitorSettings | None = None) -> None:
         self.settings = settings or MonitorSettings()
         self._sizes = plausible_sizes(belief.arm)
-        self.threshold, self._warning, allowance, temper, charges = limits(self.settings, belief)
-        self._diagnosis = partial(Diagnosis, temper=temper, misfit=belief.misfit, charges=charges)
-        self._belief, self.estimator = belief, Estimator(belief, self.settings.tuning)
+        self._belief, self._limits = belief, limits(self.settings, belief)
+        self.threshold = self._limits.alarm
+        self.estimator, self._sheet = Estimator(belief, self.settings.tuning), SheetTrial(belief)
         self._readings, self._stopped, self.trend = Readings(belief.noise), Stopped(), Trend(self.estimator)
         self._listening: Listening | None = Listening()
-        self._bank = SignatureBank(self._sizes, allowance)
+        self._bank = SignatureBank(self._sizes, self._limits.allowance)
         self._track = Tracking(self._readings, self._bank)
         self._mode: Mode = Watching()
-        self._turns, self._probation, self._dismissals = Turns(), Probation(), Dismissals()
+        self._turns, self._probation = Turns(), Probation()
         self._misfit: dict[int, str] = {}
         self.findings = Findings(self._sizes, self._track.gripper)
         self.events, self.history = self.findings.events, self.findings.history
@@ -79,7 +76,7 @@ class Monitor:
         return self._track.sample
 
     @property
-    def used(self) -> Flags:
+    def used(self) -> NDArray[np.bool_]:
         """Which readings of the last sample were taken in, (3,)."""
         return self._track.used
 
@@ -114,8 +111,7 @@ class Monitor:
                 track.sample += 1
                 self._step(angles, step == gap, command, doubt)
         track.command, track.gripped = volts, gripped
-        louder = self._readings.listen(measured)
-        if louder is not None:
+        if (louder := self._readings.listen(measured)) is not None:
             self._belief = replace(self._belief, noise=louder)
             self._start_over()
 
@@ -144,7 +140,9 @@ class Monitor:
     @property
     def calm(self) -> bool:
         """Whether nothing has begun of which more samples may make an alarm."""
-        return self._watches() and not (self._track.repeating(self.estimator) or self._bank.exceeds(self._warning))
+        return self._watches() and not (
+            self._track.repeating(self.estimator) or self._bank.exceeds(self._limits.warning)
+        )
 
     def _watches(self) -> bool:
         return isinstance(self._mode, Watching) and self._listening is None and self._probation.passed
@@ -153,17 +151,13 @@ class Monitor:
     def statistic(self) -> float:
         """The strongest evidence of a sudden change, 2 log likelihood ratio beyond what is allowed for; the threshold
         while one is diagnosed, 0 while the estimate settles."""
-        if isinstance(self._mode, Diagnosing):
-            return self.threshold
-        return 0.0 if isinstance(self._mode, Settling) else self._bank.worst()
+        return modes.statistic(self._mode, self._bank, self.threshold)
 
     @property
     def statistics(self) -> Array:
         """The strongest evidence of a sudden change of each of JUMPS, (18,), 2 log likelihood ratio; 0 while one is
         diagnosed, and while the estimate settles."""
-        if isinstance(self._mode, Diagnosing | Settling):
-            return np.zeros(len(JUMPS))
-        return self._bank.statistics().max(axis=0)
+        return modes.statistics(self._mode, self._bank)
 
     def information(self, since: float) -> Array:
         """What the last samples tell of sudden changes so long ago (s), see `SignatureBank.information`."""
@@ -199,13 +193,7 @@ class Monitor:
             ParameterError: nothing of that name is wrong.
         """
         known = dict.fromkeys([*self.findings.current, *(each.parameter for each in self.forecasts)])
-        pending = self._mode.news if isinstance(self._mode, Diagnosing) else None
-        names = list(known if pending is None else known | {pending.parameter: None})
-        if parameter and parameter not in names:
-            there = f"expected {choices(names)}" if names else "there is nothing to acknowledge"
-            raise ParameterError(f"no finding {parameter!r}: {there}")
-        if isinstance(self._mode, Diagnosing):
-            self._mode = self._mode.acknowledged(parameter)
+        self._mode = modes.acknowledged(self._mode, known, parameter)
         struck = [name for name in known if parameter in ("", name)]
         accepted = self.findings.acknowledge(self.time, struck, self.estimator)
         for state in (state for fault in accepted for state in fault.states):
@@ -215,7 +203,12 @@ class Monitor:
 
     def verdict(self) -> MonitoringVerdict:
         """The opinion now, as it is published."""
-        wrong = modes.suspected(self._mode, self._bank, self._warning), self.forecasts, self.standing(), self._misfit
+        wrong = (
+            modes.suspected(self._mode, self._bank, self._limits.warning),
+            self.forecasts,
+            self.standing(),
+            self._misfit,
+        )
         return verdict_on(self.time, *wrong, self.unobservable(), self.missed, self.restarts)
 
     def unobservable(self) -> tuple[str, ...]:
@@ -225,8 +218,7 @@ class Monitor:
     def _restart(self, sample: int, measured: Array, gripped: bool, gap: int) -> None:
         """Begins with a sample that does not follow the last one."""
         if self.sample >= 0:
-            self.missed += max(gap - 1, 0)
-            self.restarts += 1
+            self.missed, self.restarts = self.missed + max(gap - 1, 0), self.restarts + 1
             reason = f"{gap - 1} samples did not arrive" if gap > 0 else "time went back"
             self.findings.note(sample * PERIOD, "restart", f"{reason}: the estimate of the motion starts anew")
         self._track.sample = sample
@@ -249,7 +241,7 @@ class Monitor:
         trusted = isinstance(self._mode, Watching | Settling) and not track.readings.unheard
         moment = track.step(estimator, measured, arrived, command, doubt, trusted)
         if arrived:
-            known = self._listening is None and self._probation.passed and not self._misfit
+            known = self._listening is None and (self._probation.passed or bool(self._misfit))
             self.findings.read(self.time, track.readings, known)
         self._conclude(moment, regripped)
 
@@ -274,28 +266,29 @@ class Monitor:
             case Settling(left, known, begun, then):
                 left -= 1
                 if begun:
-                    self._bank.update(
-                        estimator, used, self._readings.fresh, self.sample, moment.counts and left < known
-                    )
+                    self._gather(moment.counts and left < known)
                 self._mode = Settling(left, known, begun, then) if left else then
                 self._listen(used)
             case Diagnosing(diagnosis) as mode:
                 diagnosis.update(moment)
                 if not diagnosis.certain and (stopped := self._stopped.open(self._readings, self.findings.known)):
-                    diagnosis.stop(self._still(stopped))
+                    diagnosis.stop(stands_still(stopped, self._readings, self.sample, self._bank))
                     self._stopped.ask(stopped)
                 self._decide(mode)
             case Unfit() as mode:
-                self._bank.update(estimator, used, self._readings.fresh, self.sample, moment.counts)
+                self._gather(moment.counts)
                 self._doubt_model(mode.after(estimator))
             case Watching() | Lost() as mode:
                 self._turns.moved(mode, estimator)
                 self.trend.enter(self.time, estimator)
                 self.findings.examine(self.time, estimator).apply(estimator, self.trend)
-                self._bank.update(estimator, used, self._readings.fresh, self.sample, moment.counts)
+                self._gather(moment.counts)
                 self._look(mode)
 
-    def _listen(self, used: Flags) -> None:
+    def _gather(self, counts: bool) -> None:
+        self._bank.update(self.estimator, self.used, self._readings.fresh, self.sample, counts)
+
+    def _listen(self, used: NDArray[np.bool_]) -> None:
         """Judges the noise by the first samples at rest; if it is not as believed, all since is looked at again."""
         if self._listening is None or not self._listening.update(self.estimator, used):
             return
@@ -326,15 +319,10 @@ class Monitor:
             self.findings.note(self.time, "misfit", "; ".join(self._misfit.values()))
             self._doubt_model(Unfit())
             return
-        # Of a joint that stands still only what its motion has told before is a cause beside those of standing still.
         suspicions = self._bank.suspicions(self.threshold if stopped else 0.0)
         self._stopped.ask(stopped)
-        still, resting = self._still(stopped), self._still(repeating(self._readings))
-        seen = (suspicions, self._track.moments, self.sample, self._sizes)
-        self._decide(Diagnosing(self._diagnosis(*seen, bool(self.estimator.locked), still, resting)))
-
-    def _still(self, joints: list[int]) -> list[StandsStill]:
-        return stands_still(joints, self._readings, self.sample, self._bank)
+        how = (self._limits, self._belief.misfit, bool(self.estimator.locked))
+        self._decide(modes.diagnosing(suspicions, stopped, self._track, self._sizes, *how))
 
     def _doubt_model(self, unfit: Unfit) -> None:
         """Starts anew from a model that does not fit when it fails again, and believes it after a while."""
@@ -342,9 +330,19 @@ class Monitor:
         if self._bank.exceeds(self.threshold):
             self._mode, self._probation = Unfit(), Probation()
             self._start_over()
+        elif unfit.over and self._sheet.stays():
+            self._mode, self.threshold = Watching(), max(self.threshold, LOUD)
         elif unfit.over:
             self._mode, self._misfit = Watching(), {}
             self.findings.note(self.time, "fits", "the model explains the motion of this arm after all")
+
+    def _doubt_sheet(self, odd: bool = False) -> None:
+        """Says that the arm is not commissioned once its data sheet has failed; only what is grave counts then."""
+        self._sheet.doubt(odd)
+        if self._sheet.fails:
+            self._misfit = self._sheet.fail(self.findings, self.time)
+            self.threshold = max(self.threshold, LOUD)
+            self._start_over()
 
     def _try_again(self, lost: Lost) -> None:
         """The arm moves like none that is known: starts from the last one that it moved like."""
@@ -366,18 +364,20 @@ class Monitor:
         if diagnosis.certain or believed.candidate.gain > CERTAIN:
             found = self.findings.assess(believed, pending.detected if pending else self.time)
             if pending is None:
-                self.findings.note(self.time, "suspected", found.text())
+                self._sheet.note(self.findings, self.time, "suspected", found.text())
             pending = found
         if not settled:
             self._mode = replace(mode, pending=pending)
             return
         self._bank.clear()
         self._mode = settling(self._mode, PAUSE, begun=False)
-        if pending is None or not self._dismissals.confirmed(diagnosis, self.sample):
-            self.findings.note(self.time, "dismissed", "a suspicion was not confirmed")
-            return
         winner, told = diagnosis.winner(), len(self.history)
+        if not self._sheet.confirms(diagnosis, winner.candidate, self.sample, pending) or pending is None:
+            self._sheet.note(self.findings, self.time, "dismissed", "a suspicion was not confirmed")
+            self._doubt_sheet()
+            return
         self._adopt(winner.candidate, self.findings.assess(winner, pending.detected))
+        self._doubt_sheet(self.events[-1].kind == "dismissed")
         self._turns.tell(self.history[told:])
         for name in mode.known_of(self.history[told:]):
             if name in self.findings.current:

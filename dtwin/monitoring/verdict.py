@@ -13,6 +13,10 @@ from dtwin.monitoring.kinds import READ, RELATIVE, FaultId, parse_fault_id
 _TAKES_AWAY: Final = ("loss", "stop", "hold")
 """hypotheses of what leaves nothing to be changed: a joint without a motor, an encoder, or motion"""
 
+OWN: Final = 0.4
+"""most probability of a cause that is found before the arm is understood again: second faults so soon are rare, and
+nothing is refitted from what is less probable than not"""
+
 
 class Finding(msgspec.Struct, frozen=True):
     """One cause that explains what is wrong.
@@ -69,6 +73,14 @@ class Finding(msgspec.Struct, frozen=True):
             instead += f" or a consequence of {parse_fault_id(self.follows).where}"
         sure = f"confidence {100 * self.confidence:.0f} %{instead and ','}{instead}"
         return f"{self.cause}{where}{amount}, {sure}, since {self.since:.2f} s"
+
+
+def beside(first: Finding, other: Finding) -> Finding:
+    """Another finding of the diagnosis of a first one: what else a joint shows whose motor, encoder or motion was
+    taken away may be a consequence of that."""
+    if first.joint != other.joint or first.fault.about.hypothesis not in _TAKES_AWAY:
+        return other
+    return msgspec.structs.replace(other, confidence=min(other.confidence, OWN), follows=first.parameter)
 
 
 def finding(
@@ -150,10 +162,15 @@ def verdict_on(
         misfit: what there is to say of joints that the model does not fit, see `unfit_units`.
         unobservable, missed, restarts: as in `MonitoringVerdict`.
     """
-    units = unfit_units(misfit) or monitored_units(unit_states(suspected, forecasts, findings), findings)
+    if misfit:
+        failed = {unit for each in findings for unit in units_of(each.fault)}
+        told = monitored_units(unit_states(None, (), findings), findings)
+        units = unfit_units(misfit) | {unit: told[unit] for unit in failed}
+    else:
+        units = monitored_units(unit_states(suspected, forecasts, findings), findings)
     texts = tuple(forecast.text() for forecast in forecasts)
-    told = tuple(map(monitored, gravest_first(findings)))
-    return MonitoringVerdict(time, units, texts, unobservable, missed, restarts, told)
+    found = tuple(map(monitored, gravest_first(findings)))
+    return MonitoringVerdict(time, units, texts, unobservable, missed, restarts, found)
 
 
 def unit_states(

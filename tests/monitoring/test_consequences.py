@@ -3,6 +3,7 @@
 from types import SimpleNamespace
 from typing import cast
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -10,7 +11,7 @@ from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.estimation.layout import SIZE, W
 from dtwin.monitoring.kinds import parse_fault_id
 from dtwin.monitoring.modes import OWN, PROVEN, Lost, Turns, Watching
-from dtwin.monitoring.verdict import Finding, finding
+from dtwin.monitoring.verdict import Finding, beside, finding
 
 
 def _found(name: str) -> Finding:
@@ -85,3 +86,32 @@ def test_a_further_finding_has_the_arm_explain_itself_anew(turns: Turns) -> None
     turns.tell([_judged(turns, "D1")])
     turns.moved(Watching(), _estimator(0.5))
     assert not _understood(turns)
+
+
+@pytest.mark.parametrize(("first", "samples"), [("K2", PROVEN), ("unknown2", 1500), ("cut3", 1500), ("lock1", 1500)])
+def test_what_is_unknown_or_taken_away_is_understood_later(first: str, samples: int) -> None:
+    turns = Turns()
+    turns.tell([_found(first)])
+    for _ in range(samples):
+        assert not _understood(turns)
+        turns.moved(Watching(), _estimator(1.0))
+    assert _understood(turns)
+
+
+def test_what_an_unknown_cause_may_be_instead_has_not_explained_the_motion() -> None:
+    turns = Turns()
+    turns.tell([msgspec.structs.replace(_found("unknown2"), others=("bias2",))])
+    assert _judged(turns, "unknown2").follows == ""
+    assert _judged(turns, "bias2").follows == "unknown2"
+
+
+@pytest.mark.parametrize(
+    ("first", "other", "follows"),
+    [("cut3", "bias3", "cut3"), ("cut3", "bias2", ""), ("K3", "bias3", ""), ("freeze1", "D1", "freeze1")],
+)
+def test_what_a_joint_shows_beside_what_was_taken_away_may_be_a_consequence(
+    first: str, other: str, follows: str
+) -> None:
+    told = beside(_found(first), _found(other))
+    assert told.follows == follows
+    assert told.confidence == (OWN if follows else _found(other).confidence)

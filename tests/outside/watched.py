@@ -18,7 +18,8 @@ from dtwin.identification.machine.sensors import check_sensors
 from dtwin.logs.collecting import RunLog
 from dtwin.logs.log import Log
 from dtwin.monitoring.calibration import watched
-from dtwin.monitoring.estimation.belief import Belief, assumed
+from dtwin.monitoring.estimation import belief as beliefs
+from dtwin.monitoring.estimation.belief import Belief
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import stream
 from dtwin.monitoring.verdict import Finding
@@ -132,7 +133,7 @@ def watch_effect(job: tuple[Work, Belief, float]) -> WatchedEffect:
     while left > 1e-6:
         shift += 1
         done = work(item._replace(seed=1000 * item.seed + shift), 60.0 * min(left, SHIFT))
-        monitor = _followed(belief, done.log, True)
+        monitor = followed(belief, done.log, True)
         alarms += [f"{event.time:.2f} s: {event.text}" for event in monitor.events if event.kind in _ALARMS]
         misfits += sum(event.kind == EventKind.MISFIT for event in monitor.events)
         stops += done.stopped < np.inf
@@ -170,7 +171,7 @@ def watch_fault(job: tuple[Work, Belief]) -> WatchedFault:
     done = work(item, seconds, begins)
     alone = work(item._replace(what="nothing"), seconds)
     log, since_then = done.log, done.began - 1e-6
-    monitor, other = _followed(belief, log, False), _followed(belief, log, True)
+    monitor, other = followed(belief, log, False), followed(belief, log, True)
     times, angles = log.columns["t"], log.angles()
     off = np.abs(log.stack("measured") - angles).max(axis=1), np.abs(angles - alone.log.angles()).max(axis=1)
     visible = times[np.maximum(*off) > _SEEN]
@@ -186,7 +187,7 @@ def watch_fault(job: tuple[Work, Belief]) -> WatchedFault:
     return WatchedFault(item.what, early, shown, after, findings, again, done.stopped - done.began)
 
 
-def _followed(belief: Belief, log: Log, acknowledged: bool) -> Monitor:
+def followed(belief: Belief, log: Log, acknowledged: bool) -> Monitor:
     """A monitor that has seen a log, and whose alarms were acknowledged as they came, or not at all."""
     monitor, seen, done, heard = Monitor(belief), stream(log), 0, 0
     while done < len(seen):
@@ -199,4 +200,4 @@ def _followed(belief: Belief, log: Log, acknowledged: bool) -> Monitor:
 
 def data_sheet() -> Belief:
     """What is believed of an arm that was never commissioned."""
-    return assumed(ArmParameters(), UNHEARD)
+    return beliefs.data_sheet(UNHEARD)

@@ -1,7 +1,8 @@
 """The tables of what the monitor makes of effects and faults around the plant, and what was asked beside them.
 
 Run by `scripts/outside --watched`, with a folder that keeps the records of commissioned arms, minutes of healthy work
-with each effect, number of processes, and a word that the names of all that is tried have.
+with each effect, number of processes, a word that the names of all that is tried have, the number of the generators,
+and `sheet` if no arm is commissioned and only healthy work is watched, with the data sheet's model alone.
 """
 
 import sys
@@ -22,10 +23,8 @@ SURE: Final = 0.95
 """Confidence above which a wrong name is wrong for sure."""
 SHEET_MINUTES: Final = 20.0
 """Healthy work, at most, that is watched with the data sheet's model, minutes."""
-_SEED: Final = 7
-"""Number of the generators of healthy work and its effects."""
-_SEEDS: Final = (3,)
-"""Numbers of the generators of faults."""
+_SEEDS: Final = 7, 3
+"""Numbers of the generators of healthy work and its effects, and of faults, if nothing else is asked for."""
 _HEALTHY: Final = Work("nothing", 1)
 _EFFECTS: Final = (
     *("what", "grade", "hours", "not commissioned", "false alarms"),
@@ -84,9 +83,9 @@ def _head(columns: Sequence[str]) -> str:
     return f"{_row(*columns)}\n{'|---' * len(columns)}|"
 
 
-def _effect_rows(keeper: _Keeper, minutes: float, workforce: Workforce, word: str) -> None:
-    works = [Work(name, _SEED, _SEED) for name in EFFECTS if word in name]
-    records = spread(keeper, works, workforce)
+def _effect_rows(keeper: _Keeper | None, minutes: float, workforce: Workforce, word: str, seed: int) -> None:
+    works = [Work(name, seed, seed) for name in EFFECTS if word in name]
+    records = spread(keeper, works, workforce) if keeper else ["-"] * len(works)
     known = [
         (work, commissioned(found), minutes) for work, found in zip(works, records, strict=True) if _usable(found)
     ]
@@ -96,7 +95,7 @@ def _effect_rows(keeper: _Keeper, minutes: float, workforce: Workforce, word: st
     own: list[WatchedEffect] = []
     print(f"\nEffects, {minutes:g} minutes each, {strange[0][2]:g} with the data sheet\n\n{_head(_EFFECTS)}")
     for work, found, other in zip(works, records, sheet, strict=True):
-        grade = found.grade if isinstance(found, MachineRecord) else "unusable"
+        grade = found.grade if isinstance(found, MachineRecord) else "unusable" if keeper else "-"
         told = next(seen) if _usable(found) else None
         own += [told] if told else []
         known_as = (f"{told.hours:.2f}", told.misfits, len(told.alarms)) if told else ("-", "-", "-")
@@ -122,11 +121,11 @@ def _usable(found: MachineRecord | str) -> TypeGuard[MachineRecord]:
     return isinstance(found, MachineRecord) and found.grade != "unusable"
 
 
-def _fault_rows(keeper: _Keeper, workforce: Workforce, word: str) -> None:
+def _fault_rows(keeper: _Keeper, workforce: Workforce, word: str, seed: int) -> None:
     record = keeper(_HEALTHY)
     assert isinstance(record, MachineRecord)
     belief = commissioned(record)
-    jobs = [(Work(name, seed, seed), belief) for name in FAULTS if word in name for seed in _SEEDS]
+    jobs = [(Work(name, seed, seed), belief) for name in FAULTS if word in name]
     print(f"\nFaults, of an arm that was commissioned without them\n\n{_head(_FAULTS)}")
     outcomes = spread(watch_fault, jobs, workforce)
     for one in outcomes:
@@ -163,16 +162,19 @@ def _asked(rows: Sequence[tuple[str, str]]) -> None:
     print("\n| asked | measured |\n|---|---|\n" + "\n".join(_row(*row) for row in rows), flush=True)
 
 
-def main(folder: str, minutes: float = 60.0, workers: int = 2, word: str = "") -> None:
+def main(
+    folder: str, minutes: float = 60.0, workers: int = 2, word: str = "", seed: int | None = None, models: str = ""
+) -> None:
     """Prints the tables."""
     place, workforce = Path(folder), Workforce(workers)
     place.mkdir(parents=True, exist_ok=True)
-    keeper = _Keeper(place)
-    if any(word in name for name in FAULTS):
-        _fault_rows(keeper, workforce, word)
+    keeper = None if models == "sheet" else _Keeper(place)
+    healthy, faulty = _SEEDS if seed is None else (seed, seed)
+    if keeper and any(word in name for name in FAULTS):
+        _fault_rows(keeper, workforce, word, faulty)
     if any(word in name for name in EFFECTS):
-        _effect_rows(keeper, minutes, workforce, word)
+        _effect_rows(keeper, minutes, workforce, word, healthy)
 
 
 if __name__ == "__main__":
-    main(*(kind(text) for kind, text in zip((str, float, int, str), sys.argv[1:], strict=False)))
+    main(*(kind(text) for kind, text in zip((str, float, int, str, int, str), sys.argv[1:], strict=False)))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -124,6 +124,7 @@ class Belief:
         rates: rates at which parameters were seen to change while the arm was healthy, as shares, 1/s, by name;
             earlier and later ones.
         courses: changes between which parameters lie while the healthy arm warms, as shares, by name.
+        sheet: whether these are the numbers of a data sheet, which nobody has held against this arm.
 
     Raises:
         ParameterError: a shape or a number is wrong.
@@ -141,6 +142,7 @@ class Belief:
     misfit: float = 2.0
     rates: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     courses: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    sheet: bool = False
 
     def __post_init__(self) -> None:
         count = len(ARM_NAMES)
@@ -172,6 +174,11 @@ def assumed(arm: ArmParameters, noise: Triple) -> Belief:
     """A belief in parameters whose covariance is not known."""
     deviations = [TOLERANCE[symbol_of(name)] * arm.get(name) for name in ARM_NAMES]
     return Belief(arm, np.diag(np.square(deviations)), noise)
+
+
+def data_sheet(noise: Triple) -> Belief:
+    """A belief in the arm of the data sheet, which nobody has held against the arm that is watched."""
+    return replace(assumed(ArmParameters(), noise), sheet=True)
 
 
 def identified(model: IdentifiedModel) -> Belief:

@@ -317,10 +317,10 @@ class Estimator:
             self.P[joint - 1, joint - 1] += (jolt * PERIOD) ** 2
             self._make_certain(still, 0.0)
 
-    def disturb(self, joint: int, deviation: float = _FOREIGN) -> None:
-        """Allows a torque of unknown cause (N m) on a joint (1 to 3), 0 for no joint."""
+    def disturb(self, *joints: int, deviation: float = _FOREIGN) -> None:
+        """Allows a torque of unknown cause (N m) on each of some joints (1 to 3), and on no other one."""
         self._torque = np.square(self.belief.error.white)
-        if joint:
+        for joint in joints:
             self._torque[joint - 1] = deviation**2
 
     def lose(self, name: str) -> None:
