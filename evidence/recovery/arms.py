@@ -122,10 +122,11 @@ class Onlooker:
         later = ahead(arm)
         begin, end = max(0, self._seen - later), done - later
         first = max(0, begin - late - BEFORE)
-        effort = effort_of(arm, rows[0, first:done], rows[2, first:done], late)
-        effort = unladen(effort, np.array(self._gripped[first:done]))[begin - first : end - first]
+        acting = effort_of(arm, rows[0, first:done], rows[2, first:done], late)
+        known = unladen(acting, np.array(self._gripped[first:done]))
+        acting, known = (each[begin - first : end - first] for each in (acting, known))
         t: Array = arm.period * np.arange(begin, end, dtype=np.float64)
-        self.operator.follow(t, rows[0, begin:end], rows[1, begin:end], effort)
+        self.operator.follow(t, rows[0, begin:end], rows[1, begin:end], known, acting)
         self._seen = done
 
 

@@ -89,7 +89,7 @@ class Motion:
         """Keeps what has come, once that is enough; whether it was. The oldest is forgotten."""
         if len(self._rows) < AT_ONCE:
             return False
-        self._blocks.append(self._rows.drain())
+        self._blocks.append(self._rows.drain()[:4])
         del self._blocks[: max(0, len(self._blocks) - self._most)]
         return True
 

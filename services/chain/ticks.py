@@ -60,16 +60,18 @@ class Rows:
         self._rows.append(_row(tick))
         return -1 if gap < 1 else gap - 1 if gap > BRIDGED else 0
 
-    def drain(self) -> tuple[Array, Array, Array, Array]:
-        """The rows since the last call: times, readings, targets, and what acted; (N,) and (N, n)."""
+    def drain(self) -> tuple[Array, Array, Array, Array, Array]:
+        """The rows since the last call: times, readings, targets, and what acted; (N,) and (N, n).
+
+        What acted comes twice: as far as it is known what the arm carries, and in any case.
+        """
         first, last = self._passed, self._passed + len(self)
         t, q, target, sent, gripped = (np.array(column) for column in zip(*self._rows, strict=True))
-        effort = effort_of(self._arm, q, sent, self._late)
-        if not self._weighed:
-            effort = unladen(effort, gripped)
+        acting = effort_of(self._arm, q, sent, self._late)
+        effort = acting if self._weighed else unladen(acting, gripped)
         gone = max(0, last - self._late - BEFORE)
         self._rows, self._passed = self._rows[gone:], last - gone
-        return t[first:last], q[first:last], target[first:last], effort[first:last]
+        return t[first:last], q[first:last], target[first:last], effort[first:last], acting[first:last]
 
 
 def _row(tick: JointTick) -> _Row:

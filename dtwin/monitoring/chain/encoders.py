@@ -107,6 +107,15 @@ class Encoders:
         found = [*self._jumps(t, q, target, new), *self._stays(t, q, target, new)]
         return min(found, key=lambda each: each.time, default=None)
 
+    def repeats(self, time: float, joint: int) -> ChainFinding:
+        """A reading that repeats itself while the feedback presses on its joint: time, s, and index of the joint."""
+        return self._stay(time, np.zeros(STILL + 1), joint)
+
+    def _stay(self, time: float, read: Array, joint: int) -> ChainFinding:
+        kinds = self._kinds(read, joint)
+        name, *others = (f"{kind}{joint + 1}" for kind in kinds)
+        return ChainFinding(time, name, 0.0, tuple(others), 1.0 / len(kinds))
+
     def _jumps(self, t: Array, q: Array, target: Array, new: int) -> Iterator[ChainFinding]:
         if len(t) < 4:
             return
@@ -133,9 +142,7 @@ class Encoders:
         first = max(0, len(led) - new)
         for j in np.flatnonzero(stays[first:].any(axis=0)):
             k = first + int(np.argmax(stays[first:, j]))
-            kinds = self._kinds(q[k : k + STILL + 1, j], int(j))
-            name, *others = (f"{kind}{j + 1}" for kind in kinds)
-            yield ChainFinding(float(t[k + STILL]), name, 0.0, tuple(others), 1.0 / len(kinds))
+            yield self._stay(float(t[k + STILL]), q[k : k + STILL + 1, j], int(j))
 
     def _kinds(self, read: Array, joint: int) -> tuple[str, ...]:
         """What a stay may be, the likelier first, from its readings, (STILL + 1,).

@@ -154,6 +154,17 @@ class Expected:
         found: Array = np.clip(np.divide(learned, sheet, out=np.ones_like(sheet), where=sheet > 0.0), *_SHARES)
         return found
 
+    @property
+    def dry(self) -> Array:
+        """What dry friction holds of every joint under the usual weight of the arm, (n,), in the units of the drives.
+
+        That of the data sheet, or what was learned if that is more.
+        """
+        viscous = len(self._arm) * 12
+        sides = (values[viscous:][: 2 * len(self._arm)].reshape(2, -1) for values in (self.values, self._mean))
+        found: Array = np.max([dry + load * self._carried for dry, load in sides], axis=0) / np.abs(self._constant)
+        return found
+
     def _lost(self, values: Array) -> Array:
         """Torque of friction, (n,), N m or N."""
         viscous, dry, load = values[11 * len(self._arm) : 14 * len(self._arm)].reshape(3, -1)

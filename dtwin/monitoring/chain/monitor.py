@@ -70,14 +70,14 @@ class ArmMonitor:
         """Whether the healthy arm is known."""
         return self._watch is not None
 
-    def follow(self, t: Array, q: Array, target: Array, effort: Array) -> None:
+    def follow(self, t: Array, q: Array, target: Array, effort: Array, acting: Array | None = None) -> None:
         """Takes further samples, a period of the arm apart: see `FirstFault.follow`."""
         if not len(t):
             return
         if self._watch is None:
             self._learn(t, q, target, effort)
         else:
-            self._watch.follow(t, q, target, effort)
+            self._watch.follow(t, q, target, effort, acting)
         self.time = float(t[-1])
         if self._watch is not None:
             self._tell(self._watch)

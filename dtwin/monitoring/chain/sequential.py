@@ -16,6 +16,7 @@ from dtwin.arm.chain import Arm, Array
 from dtwin.monitoring.chain.drives import Drives
 from dtwin.monitoring.chain.encoders import STILL, Encoders, Habits, habits_of
 from dtwin.monitoring.chain.finding import ChainFinding
+from dtwin.monitoring.chain.pressed import Pressed
 
 HEALTHY: Final = 60.0
 """Time from the beginning in which the arm is taken to be healthy, s."""
@@ -49,6 +50,7 @@ class FirstFault:
         self._learning: list[tuple[Array, Array, Array, Array]] = []
         self._begin: float | None = None
         self._encoders: Encoders | None = None
+        self._pressed: Pressed | None = None
         self.drives: Drives | None = None
         self.habits: Habits | None = None
         self._last = _none(len(arm))
@@ -94,6 +96,8 @@ class FirstFault:
         self._learning, self._begin = [], None
         if self.drives is not None:
             self.drives.forget()
+        if self._pressed is not None:
+            self._pressed.forget()
 
     def resume(self, adjustment: Adjustment | None = None) -> None:
         """Goes on after a finding that is over, or that the blocks count on now.
@@ -108,7 +112,7 @@ class FirstFault:
         if self.drives is not None:
             self.drives.resume(adjustment)
 
-    def follow(self, t: Array, q: Array, target: Array, effort: Array) -> None:
+    def follow(self, t: Array, q: Array, target: Array, effort: Array, acting: Array | None = None) -> None:
         """Takes further samples, a period of the arm apart.
 
         Args:
@@ -117,20 +121,22 @@ class FirstFault:
             target: desired positions, (N, n).
             effort: what acts at the samples, (N, n), in the units of the drives; NaN where nobody knows what the arm
                 carries, where drives are not judged.
+            acting: the same, also there; `effort` if None.
         """
+        acting = effort if acting is None else acting
         if self._starts and len(t):
             self._begin = float(t[0]) if self._begin is None else self._begin
             begun = int(np.searchsorted(t, self._begin + self._healthy))
             self._starts = begun == len(t)
-            t, q, target, effort = t[begun:], q[begun:], target[begun:], effort[begun:]
+            t, q, target, effort, acting = (each[begun:] for each in (t, q, target, effort, acting))
         if not len(t):
             return
-        q, effort = q - self._offset, effort * self._strength
+        q, effort, acting = q - self._offset, effort * self._strength, acting * self._strength
         if self.drives is None:
             healthy = self._learn(t, q, target, effort)
-            t, q, target, effort = t[healthy:], q[healthy:], target[healthy:], effort[healthy:]
+            t, q, target, effort, acting = (each[healthy:] for each in (t, q, target, effort, acting))
         if self.drives is not None and len(t):
-            self._judge(t, q, target, effort)
+            self._judge((t, q, target), effort, acting)
 
     def end(self) -> None:
         """Names what there is evidence of, as no sample follows; what is small by then counts as none."""
@@ -157,19 +163,25 @@ class FirstFault:
     def _know(self, drives: Drives, habits: Habits) -> None:
         self.drives, self.habits = drives, habits
         self._encoders = Encoders(self._arm, habits)
+        self._pressed = Pressed(drives.expected.dry, drives.expected.noise)
 
-    def _judge(self, t: Array, q: Array, target: Array, effort: Array) -> None:
+    def _judge(self, motion: tuple[Array, Array, Array], effort: Array, acting: Array) -> None:
         assert self._encoders is not None
+        assert self._pressed is not None
         assert self.drives is not None
+        t, q, target = motion
         new = len(t)
-        rows = [np.concatenate(pair) for pair in zip(self._last, (t, q, target), strict=True)]
+        rows = [np.concatenate(pair) for pair in zip(self._last, motion, strict=True)]
         times, positions, wanted = rows
         self._last = times[-STILL:], positions[-STILL:], wanted[-STILL:]
         self.time = float(t[-1])
         if self.settled:
             return
         named = self.drives.follow(t, q, effort)
+        pressed = self._pressed.first(t, q, target, acting)
         told = self._encoders.first(times, positions, wanted, new)
+        if told is None and pressed is not None:
+            told = self._encoders.repeats(*pressed)
         self.finding = named or self.finding
         small = named is not None and self.drives.named and self.drives.is_small(named)
         if small and told is None:

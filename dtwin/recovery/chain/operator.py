@@ -58,12 +58,12 @@ class ArmOperator:
         self.adjustment = Adjustment.none(len(arm))
         self.stopped = False
 
-    def follow(self, t: Array, q: Array, target: Array, effort: Array) -> None:
+    def follow(self, t: Array, q: Array, target: Array, effort: Array, acting: Array | None = None) -> None:
         """Takes samples, (N,) and (N, n) as `FirstFault.follow` does, and answers what is found in them."""
         if self.stopped:
             return
         known = len(self.monitor.history)
-        self.monitor.follow(t, q, target, effort)
+        self.monitor.follow(t, q, target, effort, acting)
         for found in self.monitor.history[known:]:
             if not self.stopped:
                 self._answer(found)
