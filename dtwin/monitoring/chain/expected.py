@@ -28,6 +28,8 @@ EVERY: Final = 5
 BLOCK: Final = 2.0
 """Stretch that counts as one independent observation for the covariance, s."""
 _STEP: Final = 1e-6
+_FAINT: Final = 1e-4
+"""Least noise of a drive, in parts of its largest command: one that has hardly moved has shown next to none."""
 _USUAL: Final = 0.5
 """Speed at which friction is compared, in parts of the joint's largest one."""
 _SHARES: Final = (1.0 / 3.0, 3.0)
@@ -136,7 +138,7 @@ class Expected:
             self.values = self._mean + found
             left = weights * (log.effort - columns @ self.values)
             scores = np.einsum("njp,nj->np", scaled, left / self.noise)
-            self.noise = np.maximum(np.sqrt(np.sum(left**2, axis=0) / max(1, log.known.sum())), 1e-9)
+            self.noise = np.maximum(np.sqrt(np.sum(left**2, axis=0) / max(1, log.known.sum())), _faint(self._arm))
         rows = max(1, round(BLOCK / (EVERY * self._arm.period)))
         sums = np.add.reduceat(scores, np.arange(0, len(scores), rows), axis=0)
         inverse = np.linalg.inv(curvature)
@@ -263,6 +265,14 @@ class Expected:
             [sizes.ravel(), (spread.constant + 0.05) * self._rotor + 1e-6, *losses, 0.01 * effort]
         )
         return mean, deviation
+
+
+def _faint(arm: Arm) -> Array:
+    """Least noise of every drive, (n,), in the units of the drives."""
+    constant = np.array([abs(joint.actuator.constant or 1.0) for joint in arm.joints])
+    largest = np.array([joint.largest for joint in arm.joints])
+    found: Array = np.where(np.isfinite(largest), _FAINT * largest, 1e-9) / constant
+    return found
 
 
 def _carried(arm: Arm) -> Array:

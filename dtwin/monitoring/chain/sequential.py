@@ -121,9 +121,9 @@ class FirstFault:
             target: desired positions, (N, n).
             effort: what acts at the samples, (N, n), in the units of the drives; NaN where nobody knows what the arm
                 carries, where drives are not judged.
-            acting: the same, also there; `effort` if None.
+            acting: the same, also there, by which readings of an arm at rest are judged; not if it is None.
         """
-        acting = effort if acting is None else acting
+        judged, acting = acting is not None, effort if acting is None else acting
         if self._starts and len(t):
             self._begin = float(t[0]) if self._begin is None else self._begin
             begun = int(np.searchsorted(t, self._begin + self._healthy))
@@ -136,7 +136,7 @@ class FirstFault:
             healthy = self._learn(t, q, target, effort)
             t, q, target, effort, acting = (each[healthy:] for each in (t, q, target, effort, acting))
         if self.drives is not None and len(t):
-            self._judge((t, q, target), effort, acting)
+            self._judge((t, q, target), effort, acting if judged else None)
 
     def end(self) -> None:
         """Names what there is evidence of, as no sample follows; what is small by then counts as none."""
@@ -165,7 +165,7 @@ class FirstFault:
         self._encoders = Encoders(self._arm, habits)
         self._pressed = Pressed(drives.expected.dry, drives.expected.noise)
 
-    def _judge(self, motion: tuple[Array, Array, Array], effort: Array, acting: Array) -> None:
+    def _judge(self, motion: tuple[Array, Array, Array], effort: Array, acting: Array | None) -> None:
         assert self._encoders is not None
         assert self._pressed is not None
         assert self.drives is not None
@@ -178,10 +178,10 @@ class FirstFault:
         if self.settled:
             return
         named = self.drives.follow(t, q, effort)
-        pressed = self._pressed.first(t, q, target, acting)
         told = self._encoders.first(times, positions, wanted, new)
-        if told is None and pressed is not None:
-            told = self._encoders.repeats(*pressed)
+        if acting is not None:
+            pressed = self._pressed.first(t, q, target, acting, np.isnan(effort[:, 0]))
+            told = self._encoders.repeats(*pressed) if told is None and pressed is not None else told
         self.finding = named or self.finding
         small = named is not None and self.drives.named and self.drives.is_small(named)
         if small and told is None:
