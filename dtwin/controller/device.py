@@ -215,8 +215,13 @@ class Settings:
         return self._change(TUNING, ControlSettings(target_time, gains))
 
     def set_model(self, model: ArmParameters) -> ControlSettings:
-        """Changes the model in one message between two ticks; returns what is in force then."""
-        return self._change(MODEL, ControlSettings(model=model))
+        """Changes the model in one message between two ticks; returns what is in force then.
+
+        The blocks begin the integrals of the feedback anew with a model, so that one that is in force is not sent.
+        """
+        wanted, found = ControlSettings(model=model), self.in_force()
+        check_bounds(wanted)
+        return self._change(MODEL, wanted) if wanted.differing(found) & set(MODEL) else found
 
     def set_payload(self, mass: float) -> ControlSettings:
         """Changes the assumed mass of a box (kg); returns what is in force then."""

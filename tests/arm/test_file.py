@@ -181,7 +181,7 @@ def test_an_imported_arm_says_what_a_person_must_add(tmp_path: Path, capsys: pyt
     assert 'model = "six.xml"' in text
     assert "# add acceleration" in text
     assert main(["arm", "check", str(file)]) == 1
-    text = text.replace("# add limit = largest command either way, in its unit", "limit = 100.0")
+    text = text.replace("# add limit = largest command either way, in its unit", "limit = 200.0")
     text = text.replace("# add speed = largest speed, rad/s or m/s", "speed = 2.0")
     text = text.replace("# add acceleration = largest acceleration of a path, rad/s^2 or m/s^2", "acceleration = 5.0")
     file.write_text(text)
