@@ -48,6 +48,7 @@ class SheetTrial:
 
     def __init__(self, belief: Belief) -> None:
         self._on, self._odd, self._dismissals = belief.sheet, 0, Dismissals()
+        self._boxes_differ = False  # Once one has shown it, each of the others need not show it as clearly.
         self.failed = False
 
     def confirms(self, diagnosis: Diagnosis, top: Candidate, sample: int, pending: Finding | None) -> bool:
@@ -65,7 +66,10 @@ class SheetTrial:
         sure = confirmed and top.gain > ALIKE * math.log(SURE / (1.0 - SURE))
         rough = sure and max(diagnosis.roughly(top, torque) for torque in ROUGH) >= top.gain
         if sure and not self.failed and not rough and top.fault.kind != UNKNOWN:
+            self._boxes_differ |= top.fault.about.on_box
             return True
+        if top.fault.about.on_box and self._boxes_differ:
+            return confirmed
         self._odd += _ODD if sure else 1
         return False
 
