@@ -74,7 +74,7 @@ def test_a_data_sheet_that_did_not_fit_stays_so() -> None:
 
 def test_heavier_boxes_are_told_one_by_one_and_speak_for_no_other_arm() -> None:
     """Each of them weighs something else, and only the first has to show it as clearly as a data sheet asks."""
-    run = dtwin.Cell(seed=46, noise=0.003, fault=["payload+=0.03@70"]).run(seconds=140)
+    run = dtwin.Cell(seed=46, noise=0.003, fault="payload+=0.03@70").run(seconds=140)
     events = dtwin.monitor(run).events
     assert not [event for event in events if event.kind in ("monitor_misfit", "monitor_dismissed")]
     failed = [event.text for event in events if event.kind == "monitor_failed"]
