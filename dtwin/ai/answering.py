@@ -22,7 +22,8 @@ from dtwin.recovery.desk import (
     RolledBack,
     StoppedByController,
 )
-from dtwin.recovery.measures import Measures, Taken, TooWeak
+from dtwin.recovery.explanation import TooWeak
+from dtwin.recovery.measures import Measures, Taken
 
 Outcome = Literal["done", "nothing to do", "taken back", "too weak", "too doubtful", "interrupted", "failed"]
 _BROKEN_OFF: Final = (CommunicationError, ParameterError, DeadlinePassed, CriticalFinding, StoppedByController)

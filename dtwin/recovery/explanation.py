@@ -9,7 +9,8 @@ import msgspec
 
 from dtwin.bus.twin_messages import MonitoredUnit, PredictedMotion
 from dtwin.monitoring.kinds import RELATIVE, SUPPLY, parse_fault_id, reference
-from dtwin.parameters import PARAMETER_NAMES, ArmParameters, scaled
+from dtwin.parameters import PARAMETER_NAMES, ArmParameters, scaled, symbol_of
+from dtwin.recovery.tuning import Ability
 from dtwin.simulation.checks import TAIL
 
 FOLLOWING: Final = 0.5
@@ -19,6 +20,16 @@ CUT_OFF: Final = 0.25
 
 SURE: Final = 2.0
 """Standard deviations by which a change may be smaller than the monitor estimates it."""
+
+TOO_WEAK: Final[dict[Ability, str]] = {
+    "without a box": "the arm can work without a box only",
+    "not at all": "the arm cannot keep to its paths any more",
+}
+"""What an arm can still do that no settings let work as before."""
+
+
+class TooWeak(Exception):
+    """Reports that no settings let the arm do its work; the message says what it can still do."""
 
 
 class Outlook(NamedTuple):
@@ -39,13 +50,19 @@ def certain(found: Sequence[MonitoredUnit]) -> list[MonitoredUnit]:
     return [msgspec.structs.replace(unit, size=part * unit.size) for unit, part in zip(found, share, strict=True)]
 
 
-def changed(arm: ArmParameters, found: Sequence[MonitoredUnit]) -> ArmParameters:
+def changing(found: MonitoredUnit) -> list[str]:
+    """The parameters of the arm that a finding is about; none for one about anything else, such as an encoder."""
+    if found.parameter == SUPPLY:
+        return [name for name in PARAMETER_NAMES if symbol_of(name) == "K"]
+    return [found.parameter] if found.parameter in PARAMETER_NAMES else []
+
+
+def changed(arm: ArmParameters, healthy: ArmParameters, found: Sequence[MonitoredUnit]) -> ArmParameters:
     """The arm with the changes of its parameters that were found, as the monitor estimates them.
 
-    Findings about anything else, such as encoders, leave it as it is.
-
     Args:
-        arm: arm as it is known.
+        arm: arm as it was before.
+        healthy: arm as it was identified, in whose parts relative changes are told.
         found: settled findings.
     """
     values, voltage = {}, 1.0
@@ -53,8 +70,8 @@ def changed(arm: ArmParameters, found: Sequence[MonitoredUnit]) -> ArmParameters
         name = unit.parameter
         if name == SUPPLY:
             voltage = 1.0 + unit.size
-        elif name in PARAMETER_NAMES:
-            size = unit.size * (reference(name, arm) if parse_fault_id(name).about.unit == RELATIVE else 1.0)
+        elif changing(unit):
+            size = unit.size * (reference(name, healthy) if parse_fault_id(name).about.unit == RELATIVE else 1.0)
             values[name] = max(arm.get(name) + size, 0.0)
     return scaled(arm.with_values(values), "K", voltage)
 

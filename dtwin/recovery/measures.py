@@ -24,11 +24,11 @@ from dtwin.monitoring.kinds import parse_fault_id
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters, Gains, Triple, scaled, symbol_of
 from dtwin.recovery.answers import Measure
 from dtwin.recovery.desk import Desk, FindingWithdrawn
-from dtwin.recovery.explanation import Outlook, certain, changed, stopping
+from dtwin.recovery.explanation import TOO_WEAK, Outlook, TooWeak, certain, changed, changing, stopping
 from dtwin.recovery.margins import LATE, control_settings, gains_with_margins, settings_for_late, stiffer_with_margins
 from dtwin.recovery.refit import estimated, refitted
 from dtwin.recovery.strength import Strength, usual_boxes
-from dtwin.recovery.tuning import BOUND, Ability, Expect, Tuned, search, worst_ratio
+from dtwin.recovery.tuning import BOUND, Expect, Tuned, search, worst_ratio
 from dtwin.simulation.proposal import controllable
 from dtwin.task import DEFAULT_TASK, Task
 
@@ -50,14 +50,6 @@ SAME_MASS: Final = 0.005
 SAME: Final = 1e-9
 """Share by which a number that a device reads back may differ from what it was sent as text."""
 _CONSTANTS: Final = [name for name in PARAMETER_NAMES if symbol_of(name) == "K"]
-_TOO_WEAK: Final[dict[Ability, str]] = {
-    "without a box": "the arm can work without a box only",
-    "not at all": "the arm cannot keep to its paths any more",
-}
-
-
-class TooWeak(Exception):
-    """Reports that no settings let the arm do its work; the message says what it can still do."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +90,8 @@ class Measures:
         self.boxes = usual_boxes(task)
         self.offsets: list[tuple[float, Triple]] = []
         self._desk = desk
-        self._arm, self._record = healthy, record
+        self._arm = self._healthy = healthy
+        self._record = record
         self._load = (record and record.load) or 1.0
         self._strength = Strength.of(healthy, self._load * max(self.boxes), task)
         self._befores: dict[str, tuple[float, dict[str, float]]] = {}
@@ -129,13 +122,15 @@ class Measures:
 
     def carry_out(self, measure: Measure, found: Sequence[MonitoredUnit]) -> Taken:
         """Takes a measure against findings that ask for it, but none if the arm surely cannot hold its boxes."""
+        for unit in filter(changing, found):
+            self._before(unit, {name: self._arm.get(name) for name in changing(unit)})
         if self._surely_weak(found) and (outlook := self.foresee(found)):
             raise TooWeak(outlook.text)
         return self._take[measure](found)
 
     def explain(self, found: Sequence[MonitoredUnit]) -> Outlook | None:
         """What an arm with what was found can do if it has to be stopped with the settings in force, else None."""
-        arm, in_force = changed(self._arm, found), self._desk.settings()
+        arm, in_force = self._changed(found), self._desk.settings()
         weak = self._beyond_strength(arm, max(self.boxes))
         if arm == self._arm or not (weak or stopping(self._expect(PredictionRequest(arm=arm)), in_force.target_time)):
             return None
@@ -143,7 +138,7 @@ class Measures:
 
     def foresee(self, found: Sequence[MonitoredUnit]) -> Outlook | None:
         """What an arm with what was found can do with other settings, None if it is as it is known."""
-        arm, in_force = changed(self._arm, found), self._desk.settings()
+        arm, in_force = self._changed(found), self._desk.settings()
         if arm == self._arm:
             return None
         try:
@@ -152,8 +147,16 @@ class Measures:
             return Outlook(str(weak), self._surely_weak(found))
         return Outlook(f"the arm can work with {tuned.target_time:.3g} s a motion")
 
+    def _changed(self, found: Sequence[MonitoredUnit]) -> ArmParameters:
+        """The arm with what was found of it, which counts from before it was first answered."""
+        arm = self._arm
+        for unit in found:
+            since, before = self._befores.get(unit.parameter, (unit.since, {}))
+            arm = arm.with_values(before) if since == unit.since and changing(unit) else arm
+        return changed(arm, self._healthy, found)
+
     def _surely_weak(self, found: Sequence[MonitoredUnit]) -> bool:
-        return bool(self._beyond_strength(changed(self._arm, certain(found)), max(self.boxes)))
+        return bool(self._beyond_strength(self._changed(certain(found)), max(self.boxes)))
 
     def _refit(self, found: Sequence[MonitoredUnit]) -> Taken:
         names = [unit.parameter for unit in found]
@@ -215,7 +218,7 @@ class Measures:
             uploaded = self._tune(tuned, in_force, arm)
             desk.confirm(uploaded)
         elif able:
-            desk.say(f"gains and target time can stay: {_expected(tuned)}")
+            desk.say(f"gains and target time can stay: {tuned.expected}")
         return uploaded.time
 
     def _with_margins(self, arm: ArmParameters, in_force: Upload, then: Upload) -> Gains:
@@ -244,7 +247,7 @@ class Measures:
         if not tuned.works:
             places = ", ".join(self._beyond_strength(arm, heaviest))
             held = f", it cannot hold a box of {1e3 * heaviest:.0f} g at {places}" if places else ""
-            raise TooWeak(f"{_TOO_WEAK[tuned.ability]}{held}")
+            raise TooWeak(f"{TOO_WEAK[tuned.ability]}{held}")
         return tuned
 
     def _beyond_strength(self, arm: ArmParameters, box: float) -> list[str]:
@@ -253,7 +256,7 @@ class Measures:
 
     def _tune(self, tuned: Tuned, in_force: Upload, arm: ArmParameters) -> Upload:
         stiffer, slower = tuned.gains.kp[0] / in_force.gains.kp[0], tuned.target_time / in_force.target_time
-        why = f"Kp and Ki times {stiffer:g}, target time times {slower:g}: {_expected(tuned)}"
+        why = f"Kp and Ki times {stiffer:g}, target time times {slower:g}: {tuned.expected}"
         return self._desk.upload(why, gains=tuned.gains, target_time=tuned.target_time, arm=arm)
 
     def _take_off(self, found: Sequence[MonitoredUnit]) -> Taken:
@@ -371,9 +374,9 @@ class Measures:
         except ParameterError as error:
             raise TooWeak(str(error)) from None
         if not tuned.works:
-            raise TooWeak(_TOO_WEAK[tuned.ability])
+            raise TooWeak(TOO_WEAK[tuned.ability])
         if (tuned.gains, tuned.target_time) == (in_force.gains, in_force.target_time):
-            desk.say(f"gains and target time can stay though commands are late: {_expected(tuned)}")
+            desk.say(f"gains and target time can stay though commands are late: {tuned.expected}")
             return Taken(None, {})
         upload = self._tune(tuned, in_force, self._arm)
         desk.confirm(upload)
@@ -394,7 +397,3 @@ class Measures:
                 Predicted,
             ).motions
         ]
-
-
-def _expected(tuned: Tuned) -> str:
-    return f"at most {100 * tuned.ratio:.0f} % of the healthy arm's distance from the path expected"

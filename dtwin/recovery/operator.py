@@ -23,8 +23,8 @@ from dtwin.recovery.desk import (
     RolledBack,
     StoppedByController,
 )
-from dtwin.recovery.explanation import Outlook
-from dtwin.recovery.measures import Measures, Taken, TooWeak
+from dtwin.recovery.explanation import Outlook, TooWeak
+from dtwin.recovery.measures import Measures, Taken
 from dtwin.signals import MONITOR, Event
 
 SETTLING: Final = 1.0

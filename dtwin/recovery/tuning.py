@@ -52,6 +52,11 @@ class Tuned(NamedTuple):
     ability: Ability
 
     @property
+    def expected(self) -> str:
+        """How well the arm is expected to keep to its paths, in words."""
+        return f"at most {100 * self.ratio:.0f} % of the healthy arm's distance from the path expected"
+
+    @property
     def works(self) -> bool:
         """Whether the arm can work with its boxes."""
         return self.ability in ("as before", "slower")

@@ -31,7 +31,7 @@ def test_findings_change_the_arm_as_the_monitor_tells_their_sizes(
     name: str, size: float, parameter: str, value: float
 ) -> None:
     found = MonitoredUnit("failed", parameter=name, size=size)
-    assert changed(ARM, [found]).get(parameter) == pytest.approx(value)
+    assert changed(ARM, ARM, [found]).get(parameter) == pytest.approx(value)
 
 
 @pytest.mark.parametrize(("off", "seconds", "stops"), [(0.49, 0.24, False), (0.51, 0.0, True), (0.0, 0.26, True)])

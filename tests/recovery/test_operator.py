@@ -522,6 +522,22 @@ def test_an_arm_that_had_to_leave_its_path_is_told_with_its_cause(
     assert [stop.state for stop in cell.stops] == ["failed"]
 
 
+def test_what_was_answered_before_is_not_counted_twice(cell: FakeCell) -> None:
+    """A motor that lost an eighth, and a fifth in all, still holds its boxes; an eighth and then a fifth would not."""
+    cell.found["K2"], cell.refits["K2"] = (20.0, -0.12, 1e-4), 0.88 * HEALTHY.get("K2")
+    cell.noticed["K2"] = 20.0
+
+    def worse() -> None:
+        if cell.time >= 45.0:
+            cell.found["K2"], cell.refits["K2"] = (20.0, -0.2, 1e-4), 0.8 * HEALTHY.get("K2")
+            cell.noticed["K2"] = 45.0
+
+    cell.changing = worse
+    operator = watched(cell)
+    assert [measure for measure, _ in measures_of(operator)] == ["refit", "refit"]
+    assert not cell.stops
+
+
 def test_a_finding_tells_why_the_blocks_have_stopped_the_arm(cell: FakeCell) -> None:
     cell.events = [Event(24.6, EventKind.STOP, "safe stop: braking (it left its path)")]
     cell.found["lock3"] = (25.6, 0.0, 0.0)
