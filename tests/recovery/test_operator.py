@@ -523,13 +523,13 @@ def test_an_arm_that_had_to_leave_its_path_is_told_with_its_cause(
 
 
 def test_what_was_answered_before_is_not_counted_twice(cell: FakeCell) -> None:
-    """A motor that lost an eighth, and a fifth in all, still holds its boxes; an eighth and then a fifth would not."""
-    cell.found["K2"], cell.refits["K2"] = (20.0, -0.12, 1e-4), 0.88 * HEALTHY.get("K2")
+    """A motor that lost 8 %, and 14 % in all, holds its boxes still; one that lost both would not."""
+    cell.found["K2"], cell.refits["K2"] = (20.0, -0.08, 1e-4), 0.92 * HEALTHY.get("K2")
     cell.noticed["K2"] = 20.0
 
     def worse() -> None:
         if cell.time >= 45.0:
-            cell.found["K2"], cell.refits["K2"] = (20.0, -0.2, 1e-4), 0.8 * HEALTHY.get("K2")
+            cell.found["K2"], cell.refits["K2"] = (20.0, -0.14, 1e-4), 0.86 * HEALTHY.get("K2")
             cell.noticed["K2"] = 45.0
 
     cell.changing = worse
