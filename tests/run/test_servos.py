@@ -129,7 +129,7 @@ def test_ticks_off_the_bus_tell_the_torque_of_its_loops(late: int) -> None:
         assert rows.add(tick) == 0
         if len(rows) >= 7:
             drained.append(rows.drain())
-    t, q, target, effort = (np.concatenate(each) for each in zip(*drained, strict=True))
+    t, q, target, effort, _ = (np.concatenate(each) for each in zip(*drained, strict=True))
     told = np.isin(ran.t, t)
     assert t[0] == ran.t[late + 2]
     assert len(t) > 180

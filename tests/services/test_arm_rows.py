@@ -21,8 +21,9 @@ def test_what_acts_is_not_known_from_the_grip_to_a_sample_after_the_release() ->
     for rows in (weighed, other):
         for number in range(10):
             rows.add(tick(number, 3 <= number < 6))
-    (*_, known), (*_, unknown) = weighed.drain(), other.drain()
+    (*_, known, acting), (*_, unknown, anyway) = weighed.drain(), other.drain()
     assert np.isfinite(known).all()
+    assert known.tolist() == acting.tolist() == anyway.tolist()
     assert np.flatnonzero(np.isnan(unknown).any(axis=1)).tolist() == [3, 4, 5, 6]
     assert np.array_equal(unknown[:3], known[:3])
     assert np.array_equal(unknown[7:], known[7:])
