@@ -17,7 +17,6 @@ FOLLOWING: Final = 0.5
 """Distance from its path for which the block SAFE_STOP stops a joint, rad: its input FOLLOWING_LIMIT."""
 CUT_OFF: Final = 0.25
 """Time for which a voltage may be at its limit until that block stops the arm, s: its input SATURATION_LIMIT."""
-
 SURE: Final = 2.0
 """Standard deviations by which a change may be smaller than the monitor estimates it."""
 

@@ -282,7 +282,8 @@ class Operator:
     def _explanation(self) -> str:
         """What explains that the blocks have stopped the arm, one finding if it suffices, and what a person does."""
         found = list(self._desk.findings.values())
-        for causes in [*([unit] for unit in found), found]:
+        together = [found] if len(found) > 1 else []
+        for causes in [*([unit] for unit in found), *together]:
             names = " and ".join(unit.parameter for unit in causes)
             if outlook := self._asked(self._measures.explain, causes):
                 return f"{names} explains it, {outlook.text}: {order(parse_fault_id(causes[0].parameter))}"

@@ -88,7 +88,9 @@ def test_what_driving_takes_is_how_soon_a_moved_box_is_taken_up_with_the_set_up_
     soonest = soonest_taken(FULL, now, Change(other, TIMES, ("a2",)))
     assert control.set_up(other)
     control.stopped = {"a2"}
-    plant.stations["a2"].station.resume(now.plant.stations[1], plant.time, True)  # type: ignore[attr-defined]
+    failed = plant.stations["a2"].station
+    assert isinstance(failed, TimedStation)
+    failed.resume(now.plant.stations[1], plant.time, True)
     before = len(plant.events)
     go_on(plant, control, 600)
     taken = [

@@ -11,7 +11,7 @@ import numpy as np
 import tyro
 from rich.table import Table
 
-from dtwin.arm.chain import Arm
+from dtwin.arm.chain import Arm, Array
 from dtwin.arm.file import FOLDER, SUFFIX, names
 from dtwin.arm.packages import installed
 from dtwin.arm.poses import drawn_poses
@@ -117,22 +117,23 @@ def _weak(arm: Arm) -> list[str]:
     poses = drawn_poses(arm, _POSES, np.random.default_rng(0), 1.0).positions
     rest = np.zeros_like(poses)
     needed = np.max(np.abs(inverse_dynamics(arm, poses, rest, rest)), axis=0)
-    return [
-        f"joints.{joint.name}: its drive gives {joint.largest:.3g} {unit} at most, and {most:.3g} {unit} are needed "
-        "to hold the arm at some poses: correct limit, constant or effort, or narrow lower and upper"
-        for joint, most in zip(arm.joints, needed, strict=True)
-        if most > joint.largest
-        for unit in ("N m" if joint.turns else "N",)
-    ]
+    todo = "to hold the arm at some poses: correct limit, constant or effort, or narrow lower and upper"
+    return _lacking(arm, needed, todo)
 
 
 def _slow(arm: Arm) -> list[str]:
     """Which joints cannot go from one drawn pose to another as fast as the file says, as lines for people."""
     poses = drawn_poses(arm, _POSES, np.random.default_rng(0)).positions
     needed = asked(arm, poses[:-1], poses[1:])
+    todo = "on some ways: lower speed and acceleration, or correct limit, constant, effort, friction and rotor"
+    return _lacking(arm, needed, todo)
+
+
+def _lacking(arm: Arm, needed: Array, todo: str) -> list[str]:
+    """The joints whose drives give less than is needed, (n,), N m or N, as lines for people with what to do."""
     return [
         f"joints.{joint.name}: its drive gives {joint.largest:.3g} {unit} at most, and {most:.3g} {unit} are needed "
-        "on some ways: lower speed and acceleration, or correct limit, constant, effort, friction and rotor"
+        f"{todo}"
         for joint, most in zip(arm.joints, needed, strict=True)
         if most > joint.largest
         for unit in ("N m" if joint.turns else "N",)
