@@ -28,6 +28,7 @@ from dtwin.errors import CommunicationError, ParameterError
 from dtwin.run.chain import ChainSettings
 from dtwin.services.chain.device import DeviceBlocks
 from dtwin.services.chain.options import ArmCellOptions
+from dtwin.services.parts.recent import Backlog
 from dtwin.services.parts.rows import LOSSLESS_PATIENCE
 from dtwin.services.parts.stopping.stops import Stops
 from dtwin.services.parts.stopping.watchdog import Watchdog
@@ -99,6 +100,7 @@ class ArmBridge:
         self._model = JointModel(NAME, _DATA_SHEET, ArmModel.of(settings.arm), settings.control.tuning)
         self._last: JointCommands | None = None
         self._before: JointSensors | None = None
+        self._backlog = Backlog[JointSensors](service.next, lambda _: None)
         self._answered = self._skipped = 0
         self._fallen = False
         self._publish = bus.publisher(JOINT_COMMANDS, lossless=lossless)
@@ -121,7 +123,7 @@ class ArmBridge:
             sample = service.next(WAIT)
             if sample is not None:
                 with self._stops.answering:
-                    self._answer(sample)
+                    self._answer(self._backlog.newest(sample))
             if self._watchdog is not None:
                 self._watchdog.look(self._time(), self._answered, self._stops.stop != "none", time.monotonic())
             if service.report_due():
@@ -131,7 +133,7 @@ class ArmBridge:
                 self._tell_adjusted(self._in_force)
 
     def _answer(self, sample: JointSensors) -> None:
-        """Answers a sample, unless a newer one waits; the same sample has the same answer."""
+        """Answers a sample; the same one has the same answer."""
         last, before = self._last, self._before
         if last is not None and (sample.sequence, sample.time) == (last.sequence, last.time):
             self._publish(last)
@@ -156,8 +158,7 @@ class ArmBridge:
         answer = self._blocks.step(sample)
         self._last = answer
         self._stops.notice(self._blocks.stop)
-        if self._service.inbox.empty():  # else a newer sample waits, or the same one again
-            self._publish(answer)
+        self._publish(answer)
         self._answered += 1
 
     def _adjust(self, wished: JointAdjustment) -> JointAdjustment:

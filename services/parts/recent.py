@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable
-from typing import Final
+from typing import Final, Generic, TypeVar
 
 from dtwin.controller.device import SETTLING
 from dtwin.parameters import PERIOD
@@ -22,6 +22,9 @@ PAUSE: Final = 0.5 * PERIOD
 """Time without a sample, s, after which no more of a backlog comes."""
 CATCHING_UP: Final = 0.2
 """Longest time for which a backlog is let come in, s; where no tick waits, samples may never pause."""
+
+
+S = TypeVar("S")
 
 
 class Recent:
@@ -62,7 +65,7 @@ class Recent:
         return last.time - self._since < FALL
 
 
-class Backlog:
+class Backlog(Generic[S]):
     """Skips what waits before the newest sample.
 
     Args:
@@ -73,13 +76,13 @@ class Backlog:
         skipped: Number of samples that were skipped.
     """
 
-    def __init__(self, after: Callable[[float], Sensors | None], take: Callable[[Sensors], None]) -> None:
+    def __init__(self, after: Callable[[float], S | None], take: Callable[[S], None]) -> None:
         self.skipped = 0
         self._after = after
         self._take = take
         self._asked = 0.0
 
-    def newest(self, sensors: Sensors) -> Sensors:
+    def newest(self, sensors: S) -> S:
         """The newest sample; after a break, those that were missed come in faster than they would be answered."""
         now = time.monotonic()
         pause = PAUSE if now - self._asked > STALE else 0.0

@@ -304,3 +304,8 @@ def test_an_arm_whose_drives_take_positions_is_held_where_it_was_by_whatever_sto
         assert np.abs(np.array(held[-1]) - where.theta).max() < 0.2
         assert np.abs(held[-1]).max() > 0.05, "it did not go to zero"
         os.kill(desk.find("chain.bridge"), signal.SIGCONT)
+        until(lambda: any(event.kind == "restored" for event in events), "commands come back")
+        tick = desk.tick()
+        until(lambda: desk.tick() > tick + 100, "the arm moves again")
+        assert np.abs(np.array(samples[-1].theta) - held[-1]).max() > 0.01, "it goes on from where it is held"
+        assert desk.summary()["services"]["bridge"]["state"] == "running", "what waited meanwhile did not stop it"
