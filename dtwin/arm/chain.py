@@ -193,6 +193,22 @@ class Joint:
         return self.kind == "revolute"
 
     @property
+    def unit(self) -> str:
+        """The unit of its position."""
+        return "rad" if self.turns else "m"
+
+    @property
+    def effort_unit(self) -> str:
+        """The unit of its torque or force."""
+        return "N m" if self.turns else "N"
+
+    @property
+    def command_unit(self) -> str:
+        """The unit in which its drive is commanded."""
+        other = {"current": "A", "voltage": "V", "position": self.unit}
+        return other.get(self.actuator.commanded, self.effort_unit)
+
+    @property
     def largest(self) -> float:
         """The largest torque or force of its drive, N m or N; inf where neither limit nor effort is known."""
         constant = self.actuator.constant

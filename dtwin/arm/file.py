@@ -4,7 +4,7 @@ model = "six-axis.xml"     # MJCF or URDF, beside this file
 tip = "wrist_3"            # last body or link of the chain; the end of the longest chain without it
 
 [joints.shoulder]
-commanded = "A"            # what its drive takes: V, N m or A
+commanded = "A"            # what its drive takes: V, A, N m, or N where it slides
 constant = 0.11            # N m of the motor a unit of the command
 gear = 101.0
 """
@@ -30,6 +30,7 @@ FOLDER: Final = ROOT / "arms"
 SUFFIX: Final = ".toml"
 UNITS: Final[dict[str, Commanded]] = {
     "N m": "torque",
+    "N": "torque",
     "A": "current",
     "V": "voltage",
     "rad": "position",

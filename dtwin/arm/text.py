@@ -78,7 +78,7 @@ def _joint_lines(joint: Joint) -> list[str]:
     constant = joint.actuator.constant
     actuator = joint.actuator
     if actuator.commanded == "position":
-        lines.append(f'commanded = "{"rad" if joint.turns else "m"}"')
+        lines.append(f'commanded = "{joint.unit}"')
         if actuator.stiffness is None:
             lines.append(f"# add stiffness = {meaning('stiffness')}")
         else:
@@ -86,7 +86,8 @@ def _joint_lines(joint: Joint) -> list[str]:
         if not math.isfinite(joint.effort):
             lines.append(f"# add effort = {meaning('effort')}")
     elif constant is None:
-        lines.append('commanded = "N m"               # change where it takes V or A, and add constant')
+        commanded = f'commanded = "{joint.effort_unit}"'
+        lines.append(f"{commanded:32}# change where it takes V or A, and add constant")
     for key in ("speed", "acceleration") if actuator.commanded == "position" else ("limit", "speed", "acceleration"):
         known = {"limit": joint.actuator.limit, "speed": joint.speed, "acceleration": joint.acceleration}[key]
         if key == "limit" and not math.isfinite(known) and math.isfinite(joint.effort):

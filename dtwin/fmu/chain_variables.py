@@ -23,7 +23,6 @@ WIDTHS: Final[Range] = (1e-6, 1e2)
 _LARGE: Final = 1e9
 _EITHER: Final[Range] = (-_LARGE, _LARGE)
 _POSITIVE: Final[Range] = (0.0, _LARGE)
-_UNITS: Final = {"voltage": "V", "current": "A", "position": "rad"}
 _BODY: Final = {
     "m": ("mass", "kg", (0.0, 1e5)),
     "mc": ("first moment of mass along {axis}", "kg m", (-1e6, 1e6)),
@@ -63,7 +62,7 @@ def arm_variables(arm: Arm, step: float) -> list[Variable]:
     """
     drives = [
         _real(f"u{k}", "input", "continuous", f"arm.u[{k - 1}]", f"Command of the drive of {joint.name}", 0.0)(
-            unit_of_command(joint), COMMANDS
+            joint.command_unit, COMMANDS
         )
         for k, joint in enumerate(arm.joints, 1)
     ]
@@ -119,13 +118,8 @@ def exposed(joints: int, poses: int) -> frozenset[str]:
     return frozenset(found)
 
 
-def unit_of_command(joint: Joint) -> str:
-    """The unit in which the drive of a joint is commanded."""
-    return _UNITS.get(joint.actuator.commanded, "N m" if joint.turns else "N")
-
-
 def _unit(joint: Joint, over: str) -> str:
-    return ("rad" if joint.turns else "m") + over
+    return joint.unit + over
 
 
 def _real(name: str, causality: Any, variability: Variability, member: str, text: str, start: float) -> Any:
@@ -163,7 +157,7 @@ def _arm_parameters(arm: Arm, step: float, start: Array, prefix: str) -> Iterato
 
 def _drive(joint: Joint) -> dict[str, tuple[float, str, Range, str]]:
     actuator, friction = joint.actuator, joint.friction
-    command, torque = unit_of_command(joint), "N m" if joint.turns else "N"
+    command, torque = joint.command_unit, joint.effort_unit
     by_command = "" if command == torque else f"{torque}/{command}"
     constant = 1.0 if actuator.constant is None else actuator.constant
     limit = min(actuator.limit, _LARGE)
@@ -207,7 +201,7 @@ def _commands(known: Arm) -> Iterator[Variable]:
     """What the controller answers, and where its path is."""
     for k, joint in enumerate(known.joints, 1):
         text = f"Command of the drive of {joint.name}"
-        unit = unit_of_command(joint)
+        unit = joint.command_unit
         yield Variable(f"u{k}", "Float64", "output", "discrete", f"control.u[{k - 1}]", text, unit=unit)
     text = "Whether the gripper holds a box"
     yield Variable("box_gripped", "Boolean", "output", "discrete", "control.box_gripped", text)

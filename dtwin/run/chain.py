@@ -280,7 +280,7 @@ def _check_held(arm: Arm, mass: float, poses: Array) -> None:
     needed = np.abs(inverse_dynamics(holding(arm, mass), poses, rest, rest)).max(axis=0)
     for joint, most in zip(arm.joints, needed.tolist(), strict=True):
         if most > joint.largest:
-            unit = "N m" if joint.turns else "N"
+            unit = joint.effort_unit
             raise UnreachableError(
                 f"the drive of {joint.name} gives {joint.largest:.3g} {unit}, and {most:.3g} {unit} hold a box of "
                 f"{mass:.3g} kg there: expected lighter boxes (mass), or another point"

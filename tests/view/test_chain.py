@@ -72,6 +72,30 @@ def test_a_model_whose_meshes_are_not_there_is_drawn_as_bars(tmp_path: Path) -> 
     assert np.count_nonzero(geometry.model.geom_type == mujoco.mjtGeom.mjGEOM_CYLINDER) == len(arm)
 
 
+_URDF = """<robot name="reach">
+<link name="base"/><joint name="slide" type="prismatic"><parent link="base"/><child link="quill of it"/>
+<axis xyz="0 0 1"/><limit lower="0" upper="1" effort="9" velocity="1"/></joint>
+<link name="quill of it"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+<visual><geometry><VISUAL/></geometry></visual><collision><geometry><box size="1 1 1"/></geometry></collision></link>
+</robot>"""
+
+
+@pytest.mark.parametrize(
+    ("visual", "kind"),
+    [
+        ('sphere radius="0.1"', mujoco.mjtGeom.mjGEOM_SPHERE),
+        ('mesh filename="not_there.dae"', mujoco.mjtGeom.mjGEOM_BOX),  # what is for collisions stands for it
+    ],
+)
+def test_a_urdf_is_drawn_as_it_is_for_the_eye(visual: str, kind: mujoco.mjtGeom, tmp_path: Path) -> None:
+    file = tmp_path / "reach.urdf"
+    file.write_text(_URDF.replace("VISUAL", visual))
+    geometry = Geometry(arm_of(str(file)))
+    assert geometry.own is True
+    assert geometry.model.geom_type.tolist() == [int(kind)]
+    assert geometry.model.body(1).name == "quill_of_it", "entities of recordings have no blanks"
+
+
 def test_a_recording_that_cannot_be_written_is_told_before_the_run(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

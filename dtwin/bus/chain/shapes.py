@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import msgspec
 
 from dtwin.signals import Word
 
 if TYPE_CHECKING:  # who reads messages alone does not load what reckons with arms
-    from dtwin.arm.chain import Arm, Commanded, Joint
+    from dtwin.arm.chain import Arm, Joint
 
-_UNITS: Final[dict[Commanded, str]] = {"voltage": "V", "current": "A"}
 Values = tuple[float, ...]
 
 
@@ -50,12 +49,9 @@ def joint_shapes(arm: Arm) -> tuple[JointShape, ...]:
 def _shape(joint: Joint) -> JointShape:
     constant, actuator = joint.actuator.constant, joint.actuator
     limit = min(actuator.limit, joint.effort / abs(constant) if constant else math.inf)
-    if actuator.commanded == "position":
-        unit = "rad" if joint.turns else "m"
-    else:
-        unit = _UNITS.get(actuator.commanded, "N m" if joint.turns else "N")
     lower, upper, largest = (value if math.isfinite(value) else None for value in (joint.lower, joint.upper, limit))
     rotation, translation, axis = (
         tuple(map(float, values.ravel())) for values in (joint.rotation, joint.translation, joint.axis)
     )
-    return JointShape(joint.name[:32], joint.turns, unit, lower, upper, largest, rotation, translation, axis)
+    name, unit = joint.name[:32], joint.command_unit
+    return JointShape(name, joint.turns, unit, lower, upper, largest, rotation, translation, axis)

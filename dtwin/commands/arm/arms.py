@@ -136,7 +136,7 @@ def _lacking(arm: Arm, needed: Array, todo: str) -> list[str]:
         f"{todo}"
         for joint, most in zip(arm.joints, needed, strict=True)
         if most > joint.largest
-        for unit in ("N m" if joint.turns else "N",)
+        for unit in (joint.effort_unit,)
     ]
 
 
@@ -151,7 +151,7 @@ def _stiff(arm: Arm) -> list[str]:
         stiffness = joint.actuator.stiffness
         if stiffness is None or joint.speed * arm.period <= joint.largest / stiffness:
             continue
-        unit = "rad" if joint.turns else "m"
+        unit = joint.unit
         lines.append(
             f"joints.{joint.name}: its loop gives all of its torque {joint.largest / stiffness:.2g} {unit} off its "
             f"command, and it goes {joint.speed * arm.period:.2g} {unit} in a tick: shorten period, or lower speed"
@@ -224,22 +224,18 @@ def as_object(arm: Arm) -> dict[str, Any]:
     }
 
 
-_UNITS = {"torque": "N m", "current": "A", "voltage": "V"}
-
-
 def _table(arm: Arm) -> Table:
-    table = Table("joint", "range", "speed", "limit", "N m a unit", "friction", "link")
+    table = Table("joint", "range", "speed", "limit", "effort a unit", "friction", "link")
     for joint, link in zip(arm.joints, arm.links, strict=True):
         drive, friction = joint.actuator, joint.friction
-        unit = "rad" if joint.kind == "revolute" else "m"
         constant = drive.stiffness if drive.commanded == "position" else drive.constant
         values = (
             joint.name,
-            f"{joint.lower:.3g} to {joint.upper:.3g} {unit}",
+            f"{joint.lower:.3g} to {joint.upper:.3g} {joint.unit}",
             f"{joint.speed:.3g}",
-            f"{drive.limit:.4g} {_UNITS[drive.commanded]}"
+            f"{drive.limit:.4g} {joint.command_unit}"
             if drive.commanded != "position"
-            else f"{joint.effort:.4g} N m",
+            else f"{joint.effort:.4g} {joint.effort_unit}",
             "not known" if constant is None else f"{constant:.4g}",
             f"{friction.viscous:.3g} + {friction.coulomb:.3g} + {100.0 * friction.load:.2g} %",
             f"{link.mass:.3g} kg",

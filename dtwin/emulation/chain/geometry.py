@@ -10,6 +10,7 @@ import numpy as np
 from dtwin.arm.chain import Arm, Array
 from dtwin.emulation.chain.mjcf import quietly
 from dtwin.emulation.chain.model import chain_spec
+from dtwin.emulation.chain.shapes import name_for_entities, readers_of
 from dtwin.errors import ModelError
 
 _STEP: Final = 1e-3
@@ -75,12 +76,24 @@ def _of_file(arm: Arm) -> mujoco.MjModel | None:
     """The model of the arm's file; None where it has no shapes of the chain, or some that are not there."""
     if arm.model is None:
         return None
-    try:
-        spec = mujoco.MjSpec.from_file(str(arm.model))
-        spec.compiler.discardvisual = False
-        model = _lit(spec)
-    except ValueError:
-        return None  # such as meshes that are not there, which the chain of a URDF does without
+    for read in readers_of(arm.model):
+        try:
+            found = _drawn(read(), arm)
+        except (ValueError, ModelError):
+            continue  # such as meshes that are not there, which the chain of a URDF does without
+        if found is not None:
+            return found
+    return None
+
+
+def _drawn(spec: mujoco.MjSpec, arm: Arm) -> mujoco.MjModel | None:
+    """The model of a file; None where it has no shapes of the chain.
+
+    Raises:
+        ValueError: MuJoCo cannot compile it.
+    """
+    spec.compiler.discardvisual = False
+    model = _lit(spec)
     try:
         moving = {int(model.jnt_bodyid[number]) for number in _joints(model, arm)}
     except ModelError:
@@ -127,6 +140,7 @@ def _lit(spec: mujoco.MjSpec) -> mujoco.MjModel:
     if all(texture.type != sky for texture in spec.textures):
         gradient = mujoco.mjtBuiltin.mjBUILTIN_GRADIENT
         spec.add_texture(type=sky, builtin=gradient, rgb1=_SKY, rgb2=_HAZE, width=64, height=384)
+    name_for_entities(spec)
     return quietly(spec)
 
 

@@ -73,7 +73,7 @@ def _remedy(arm: Arm, generator: np.random.Generator) -> str:
     needed = np.abs(inverse_dynamics(arm, poses, rest, rest)).max(axis=0)
     for joint, most in zip(arm.joints, needed, strict=True):
         if most > _SHARE * joint.largest:
-            unit = "N m" if joint.turns else "N"
+            unit = joint.effort_unit
             return (
                 f"{joint.name} gives {joint.largest:.3g} {unit} and needs {most:.3g} {unit} to hold the arm at some "
                 "poses: correct limit, constant or effort, or narrow lower and upper"

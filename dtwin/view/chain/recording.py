@@ -38,7 +38,6 @@ _TRAIL: Final = 2.0
 """Time that the trail of the tool goes back, s."""
 _DENSITY: Final = 600.0
 """What the drawn boxes weigh, kg/m^3."""
-_UNITS: Final = {"torque": "N m", "current": "A", "voltage": "V", "position": "rad or m"}
 
 
 def write_chain_recording(run: ChainRun, path: Path) -> None:
@@ -164,7 +163,7 @@ def _layout(run: ChainRun, geometry: Geometry) -> rrb.Blueprint:
     tool = tool_of(arm, run.true[:: max(1, len(run.t) // 500)])[0]
     size = float(max(np.abs(tool).max(), *(np.linalg.norm(joint.translation) for joint in arm.joints)))
     error = reach(1e3 * run.error, 0.1)
-    unit = _UNITS[arm.joints[0].actuator.commanded]
+    unit = " or ".join(sorted({joint.command_unit for joint in arm.joints}))
     what = EFFORTS.get(arm.joints[0].actuator.commanded, "command")
     side = rrb.Tabs(
         rrb.Vertical(
