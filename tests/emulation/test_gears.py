@@ -21,11 +21,12 @@ START = np.array([0.3, -0.8])
 
 
 def arm_with(gear: Transmission | None, friction: Friction | None = None) -> Arm:
-    """The planar arm without gravity or friction, with such gears."""
+    """The planar arm without gravity, friction or stops, with such gears."""
 
     def made(joint: Joint) -> Joint:
         actuator = replace(joint.actuator, rotor=ROTOR, constant=1.0, limit=100.0)
-        return replace(joint, actuator=actuator, friction=friction or Friction(), transmission=gear)
+        free = replace(joint, lower=-np.inf, upper=np.inf)
+        return replace(free, actuator=actuator, friction=friction or Friction(), transmission=gear)
 
     return replace(PLANAR, gravity=np.zeros(3), joints=tuple(made(joint) for joint in PLANAR.joints))
 
@@ -190,3 +191,18 @@ def test_what_a_file_says_wrongly_is_named(tmp_path: Path, text: str, said: str)
 def test_a_gear_that_no_step_can_follow_is_refused_by_name() -> None:
     with pytest.raises(ModelError, match=r"joints\.elbow\.gear_stiffness: expected a gear that moves with at most"):
         plant_of(arm_with(Transmission(1e9)))
+
+
+def test_an_arm_without_torque_falls_against_its_stops() -> None:
+    """A little beyond the range of a joint, where paths never come, so that they change nothing within it."""
+    free = tuple(replace(joint, friction=Friction()) for joint in PLANAR.joints)
+    plant = plant_of(replace(PLANAR, joints=free))
+    highest = np.full(2, -np.inf)
+    for _ in range(1000):
+        plant.apply((2.0, 2.0))
+        plant.advance()
+        highest = np.maximum(highest, plant.state[0])
+    upper = np.array([joint.upper for joint in PLANAR.joints])
+    assert np.isfinite(upper).all()
+    assert ((highest > upper) & (highest < upper + 0.3)).all(), highest - upper
+    assert plant.state[0] == pytest.approx(upper + 0.05, abs=0.02), "it stands there"

@@ -23,12 +23,14 @@ _STIFF: Final = (0.9999, 0.9999, 0.001, 0.5, 2.0)
 moves by 1e-4 of what one step of the load would move it, as in the machines of the thesis's arm."""
 _MOST: Final = 200
 """Most integration steps in a tick."""
+_STOP: Final = (0.05, 0.02)
+"""Where the stops of a joint are beyond its range: rad for one that turns, parts of the range for one that slides."""
 _POSTURES: Final = 16
 """Postures that are drawn to find the fastest oscillation."""
 
 
 def build(arm: Arm, step: float) -> mujoco.MjModel:
-    """The compiled model: bodies and joints of the chain, viscous friction, rotors, and a load at the tool.
+    """The compiled model: bodies and joints of the chain, stops, viscous friction, rotors, and a load at the tool.
 
     A gear that yields has its motor as a joint of its own behind those of the chain; a tendon between both has its
     stiffness and damping, and no force from the spring over the play.
@@ -83,11 +85,21 @@ def chain_spec(arm: Arm, step: float) -> mujoco.MjSpec:
         made = body.add_joint(name=joint.name, type=kind, axis=joint.axis)
         made.damping = np.array([joint.friction.viscous, 0.0, 0.0])
         made.armature = joint.actuator.rotor or 0.0
+        _add_stops(made, joint)
     load = body.add_body(name=LOAD, pos=arm.tool)
     load.explicitinertial = True
     load.mass, load.inertia = _NOTHING, [_NOTHING] * 3
     load.ipos, load.iquat = [0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]  # MuJoCo would take those of the body's frame
     return spec
+
+
+def _add_stops(made: mujoco.MjsJoint, joint: Joint) -> None:
+    """Lets a joint go no farther than its stops: an arm without torque falls against them, and not through itself."""
+    turning, sliding = _STOP
+    beyond = turning if joint.turns else sliding * (joint.upper - joint.lower)
+    if np.isfinite(beyond) and joint.upper > joint.lower and np.isfinite([joint.lower, joint.upper]).all():
+        made.limited = mujoco.mjtLimited.mjLIMITED_TRUE
+        made.range = [joint.lower - beyond, joint.upper + beyond]
 
 
 def _add_gear(spec: mujoco.MjSpec, joint: Joint, gear: Transmission) -> None:
