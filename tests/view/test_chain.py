@@ -75,7 +75,8 @@ def test_a_model_whose_meshes_are_not_there_is_drawn_as_bars(tmp_path: Path) -> 
 _URDF = """<robot name="reach">
 <link name="base"/><joint name="slide" type="prismatic"><parent link="base"/><child link="quill of it"/>
 <axis xyz="0 0 1"/><limit lower="0" upper="1" effort="9" velocity="1"/></joint>
-<link name="quill of it"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+<link name="quill of it"><inertial><mass value="1"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
 <visual><geometry><VISUAL/></geometry></visual><collision><geometry><box size="1 1 1"/></geometry></collision></link>
 </robot>"""
 

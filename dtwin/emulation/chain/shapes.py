@@ -14,7 +14,7 @@ from dtwin.arm.urdf import parse_urdf
 
 
 def readers_of(path: Path) -> list[Callable[[], mujoco.MjSpec]]:
-    """What reads a file with shapes to draw: of a URDF first with what is for the eye, then with what is for collisions.
+    """What reads a file with shapes to draw: of a URDF first what is for the eye.
 
     They raise ValueError or ModelError where the file cannot be read.
     """
