@@ -17,6 +17,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 VENV = ROOT / ".venv"
+TEXT = {"encoding": "utf-8", "errors": "surrogateescape"}
+"""How stamps are written, whose first word is a path of any bytes."""
 KEPT = 20
 """Lines of pip that are shown when it fails."""
 
@@ -44,12 +46,12 @@ def prepare(extra: str, stamp: str, lock: int) -> int:
     """Brings .venv to a stamp, which begins with the path of the checkout: an environment that was moved is none."""
     stamp_file = VENV / f"stamp-{extra or 'run'}"
     python = VENV / "bin" / "python"
-    if stamp_file.exists() and stamp_file.read_text() == stamp and python.exists():
+    if stamp_file.exists() and stamp_file.read_text(**TEXT) == stamp and python.exists():
         return 0
     show("preparing .venv (once, about a minute)")
     stamps = list(VENV.glob("stamp-*"))
-    made = [other.read_text() for other in stamps]
-    valid = {other.name for other in stamps if other.read_text() == stamp} | {stamp_file.name}
+    made = [other.read_text(**TEXT) for other in stamps]
+    valid = {other.name for other, text in zip(stamps, made, strict=True) if text == stamp} | {stamp_file.name}
     for other in stamps:
         other.unlink()
     if not (python.exists() and made and all(text.startswith(f"{ROOT} ") for text in made)):
@@ -59,7 +61,7 @@ def prepare(extra: str, stamp: str, lock: int) -> int:
     status = install(f"{ROOT}[{extra}]" if extra else str(ROOT), lock)
     if not status:
         for name in valid:
-            (VENV / name).write_text(stamp)
+            (VENV / name).write_text(stamp, **TEXT)
         show("the environment is ready")
         print(file=sys.stderr)
     return status

@@ -2,6 +2,11 @@
 root=$(cd "$(dirname "$0")/.." && pwd)
 python="$root/.venv/bin/python"
 
+# Where no locale is set, Python could not read the path of this checkout if it is not ASCII.
+case "$(locale charmap 2>/dev/null)" in
+ANSI_X3.4-1968 | US-ASCII | 646) export LC_ALL=C.UTF-8 ;;
+esac
+
 prepare() { # $1: an extra of pyproject.toml, or empty
     stamp="$root $(cat "$root/pyproject.toml" "$root/iec61499/pyproject.toml" "$root/constraints.txt" | cksum)"
     if [ "$(cat "$root/.venv/stamp-${1:-run}" 2>/dev/null)" != "$stamp" ] || ! [ -x "$python" ]; then

@@ -136,3 +136,14 @@ def test_what_few_commands_need_is_installed_when_they_are_called(
     (tmp_path / "environment.sh").write_text('prepare() { echo "$1"; }\npython=echo\n')
     done = subprocess.run(["sh", tmp_path / "dtwin", *words.split()], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines() == [*extras, f"-m dtwin {words}"]
+
+
+@pytest.mark.parametrize(("given", "found"), [("C", "C.UTF-8"), ("C.UTF-8", "C.UTF-8")])
+def test_without_a_locale_paths_are_read_as_utf_8(given: str, found: str, tmp_path: Path) -> None:
+    """Python would else not start in a checkout whose path is not ASCII."""
+    shutil.copy(ROOT / "scripts" / "environment.sh", tmp_path)
+    script = tmp_path / "show"
+    script.write_text('. "$(dirname "$0")/environment.sh"\necho "$LC_ALL"\n')
+    command = ["sh", str(script)]
+    shown = subprocess.run(command, env={"LC_ALL": given, "PATH": "/usr/bin:/bin"}, capture_output=True, check=True)
+    assert shown.stdout.decode().strip() == found
