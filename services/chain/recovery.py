@@ -116,7 +116,7 @@ class ArmRecovery:
             self._say(EventKind.RECOVERY, answer.text)
         elif self._proposing is None:
             self._adjust(answer, answer.adjustment)
-            self._say(EventKind.RECOVERY, answer.text)
+            self._say(EventKind.RECOVERY, answer.text + self._stands())
         else:
             made = self._proposing.propose(f"{answer.measure}: {answer.text}", unit.parameter)
             self._open[made.number] = made, unit
@@ -140,11 +140,16 @@ class ArmRecovery:
             if answer.adjustment is None:
                 raise ParameterError(f"it would be too much by now: {answer.text}")
             self._adjust(answer, answer.adjustment, proposal.by)
-            outcome = answer.text
+            outcome = answer.text + self._stands()
         except DtwinError as error:
             outcome = f"not done: {error}"
         self._say(EventKind.RECOVERY, f"proposal {proposal.number}, approved by {proposal.by}: {outcome}")
         self._proposing.report(proposal, outcome)
+
+    def _stands(self) -> str:
+        """What is left to do where the arm is stopped. Raises CommunicationError."""
+        stop = self._service.bus.ask(STOP, None, StopState).stop
+        return "" if stop == "none" else f"; the arm is stopped ({stop}): `dtwin release` lets it move again"
 
     def _review(self, standing: set[Key]) -> None:
         """Takes back what is found no more, and has what nobody decided about in time proposed again."""
