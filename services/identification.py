@@ -41,7 +41,7 @@ from dtwin.errors import CommunicationError, DtwinError, IdentificationError
 from dtwin.identification.model import IdentifiedModel, read_model
 from dtwin.identification.operating_data import PIECES, OperatingData
 from dtwin.identification.store import STORE, ModelStore
-from dtwin.parameters import PERIOD, ArmParameters
+from dtwin.parameters import PERIOD, ArmParameters, joint_vector
 from dtwin.run.options import CellFileOption
 from dtwin.services.parts.identifying.progress import Progress
 from dtwin.services.parts.identifying.signal import PROGRESS, SignalMeasurement
@@ -226,7 +226,6 @@ class Identification:
     def _propose(self, estimate: Estimate, model: IdentifiedModel, warning: str = "") -> bool:
         release_compiler()
         self._model, self._deadline = model, None
-        first, second, third = model.validity.fit
         self._enter(
             msgspec.structs.replace(
                 self._progress.state,
@@ -239,7 +238,7 @@ class Identification:
                     name: Estimated(estimate.values[name], estimate.standard_errors[name])
                     for name in estimate.identifiability.identifiable
                 },
-                fit=(first, second, third),
+                fit=joint_vector(model.validity.fit),
                 doubts=model.validity.doubts[:1000],
             )
         )

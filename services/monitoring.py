@@ -52,7 +52,7 @@ from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.readiness.rehearsal import Rehearsal
 from dtwin.monitoring.settings import ALARMS_PER_HOUR, MonitorSettings
 from dtwin.monitoring.tracking.samples import Samples
-from dtwin.parameters import Triple
+from dtwin.parameters import JointVector, every_joint, joint_vector
 from dtwin.run.options import CellFileOption
 from dtwin.services.parts.readiness.preparation import prepare
 from dtwin.services.parts.stopping.demands import Demands, Failure
@@ -62,7 +62,7 @@ from dtwin.signals import Event, EventKind, Sensors, Voltages, of_monitor
 log = logging.getLogger(__name__)
 
 NAME: Final = "monitoring"
-UNHEARD: Final[Triple] = (0.0, 0.0, 0.0)
+UNHEARD: Final[JointVector] = every_joint(0.0)
 """rad: without a model the monitor judges the noise by the readings alone"""
 RESIDUAL_EVERY: Final = 2 * TOGETHER
 """ticks, a multiple of those that are told together"""
@@ -245,18 +245,15 @@ def samples(ticks: Sequence[Tick]) -> Samples:
     )
 
 
-def residuals(sequence: int, theta: Triple, monitor: Monitor) -> MonitoringResiduals:
+def residuals(sequence: int, theta: JointVector, monitor: Monitor) -> MonitoringResiduals:
     """The last sample's residuals as they are published; theta are its angles, rad."""
     innovation = monitor.estimator.innovation
-    first, second, third = innovation.tolist()
-    p1, p2, p3 = (np.array(theta) - innovation).tolist()
-    d1, d2, d3 = np.sqrt(monitor.estimator.variance).tolist()
     return MonitoringResiduals(
         sequence,
         monitor.time,
-        (p1, p2, p3),
-        (first, second, third),
-        (d1, d2, d3),
+        joint_vector(np.array(theta) - innovation),
+        joint_vector(innovation),
+        joint_vector(np.sqrt(monitor.estimator.variance)),
         monitor.statistic,
         monitor.threshold,
     )

@@ -11,6 +11,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 FLOORS = [
     {"iec61499"},
+    {"dtwin.lengths"},
     {"dtwin.errors", "dtwin.optional"},
     {"dtwin.files", "dtwin.names", "dtwin.options", "dtwin.parameters", "dtwin.terminal"},
     {"dtwin.signals", "dtwin.task", "dtwin.line_file", "dtwin.arm"},

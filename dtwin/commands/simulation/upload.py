@@ -18,7 +18,7 @@ from dtwin.bus.twin_messages import RollBackRequest, Upload, UploadRequest
 from dtwin.controller.proposed import read_settings
 from dtwin.errors import CommunicationError, ModelError, ParameterError
 from dtwin.identification.store import STORE, ModelStore, open_model
-from dtwin.parameters import ArmParameters, Gains, Triple
+from dtwin.parameters import ArmParameters, CellJoints, Gains
 from dtwin.services import runfile
 from dtwin.terminal import print_json
 
@@ -115,11 +115,11 @@ class SavedSettings(msgspec.Struct, frozen=True):
 class UploadGains(UploadCommand):
     """Upload gains, those not given stay: from here, from a file that dtwin optimise saved, or from a record."""
 
-    kp: Triple | None = None
+    kp: CellJoints | None = None
     """Proportional gains of joints 1 to 3, 1/s^2."""
-    ki: Triple | None = None
+    ki: CellJoints | None = None
     """Integral gains, 1/s^3."""
-    kd: Triple | None = None
+    kd: CellJoints | None = None
     """Derivative gains, 1/s."""
     file: Path | None = None
     """JSON file of dtwin optimise; its target time is uploaded too."""

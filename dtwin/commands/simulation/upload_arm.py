@@ -34,7 +34,7 @@ class UploadArm:
     version: int | None = None
     """Version of the history whose settings shall be in force again, instead of anything else."""
     pole: float | None = None
-    """Triple pole of the errors of every joint, rad/s; as it is if not given."""
+    """The threefold pole of the errors of every joint, rad/s; as it is if not given."""
     observer: float | None = None
     """Double pole of the observers, rad/s; as it is if not given."""
     speed: float | None = None
