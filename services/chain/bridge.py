@@ -214,14 +214,14 @@ class GivenSettings:
         Raises:
             ParameterError: it is for another number of joints, or out of bounds.
         """
-        if problem := _adjustment(wished).problem(self._settings.arm):
+        if problem := wished.adjustment.problem(self._settings.arm):
             raise ParameterError(f"adjustment: {problem}")
         self._put(wished)
         self.say(Event(self._time(), EventKind.UPLOAD, f"{wished.who}: {wished.why}"[:1000]))
         return wished
 
     def _put(self, wished: JointAdjustment) -> None:
-        self._blocks.adjust(_adjustment(wished))
+        self._blocks.adjust(wished.adjustment)
         self._adjustment = wished
         self._tell_adjusted(wished)
 
@@ -303,12 +303,7 @@ class OwnBlocks:
 
 
 def _data_sheet(joints: int) -> JointAdjustment:
-    none = Adjustment.none(joints)
-    return JointAdjustment(NAME, _DATA_SHEET, none.offset, none.strength, none.friction)
-
-
-def _adjustment(message: JointAdjustment) -> Adjustment:
-    return Adjustment(message.offset, message.strength, message.friction, message.load)
+    return JointAdjustment.of(NAME, _DATA_SHEET, Adjustment.none(joints))
 
 
 Blocks = OwnBlocks | DeviceBlocks

@@ -125,7 +125,7 @@ class Watching:
 
     def _adjust(self, message: JointAdjustment) -> None:
         """Goes on with what the blocks count on now, if that is something else than before."""
-        now = Adjustment(message.offset, message.strength, message.friction, message.load)
+        now = message.adjustment
         if len(now.offset) == len(self._settings.arm) and now != self._adjustment:
             self._adjustment = now
             self._watch.monitor.adjust(now)
