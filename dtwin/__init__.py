@@ -26,6 +26,11 @@ if TYPE_CHECKING:
     from dtwin.api.health import servo_health as servo_health
     from dtwin.api.identification import Identified as Identified
     from dtwin.api.identification import identify as identify
+    from dtwin.api.kept.history import history as history
+    from dtwin.api.kept.models import compare_models as compare_models
+    from dtwin.api.kept.models import export_model as export_model
+    from dtwin.api.kept.models import model as model
+    from dtwin.api.kept.models import models as models
     from dtwin.api.live import LiveCell as LiveCell
     from dtwin.api.live import connect as connect
     from dtwin.api.margins import margins as margins
@@ -84,6 +89,11 @@ _MODULES = {
     "commission": "api.commissioning",
     "commission_live": "api.commissioning",
     "servo_health": "api.health",
+    "history": "api.kept.history",
+    "models": "api.kept.models",
+    "model": "api.kept.models",
+    "compare_models": "api.kept.models",
+    "export_model": "api.kept.models",
     "simulate": "api.simulation",
     "simulate_log": "api.simulation",
     "vary": "api.simulation",

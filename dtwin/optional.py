@@ -17,6 +17,8 @@ from tyro.constructors import (
     StructTypeInfo,
 )
 
+from dtwin.lengths import in_full
+
 NONE: Final = "None"
 """Takes back the default of such an option where it has one."""
 _SEEN: Final = object()
@@ -31,7 +33,7 @@ def _optional(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[Any] | None:
     kinds = get_args(info.type)
     if get_origin(info.type) not in (Union, types.UnionType) or len(kinds) != 2 or type(None) not in kinds:
         return None
-    (kind,) = (kind for kind in kinds if kind is not type(None))
+    kind = in_full(next(kind for kind in kinds if kind is not type(None)))
     inner = ConstructorRegistry.get_primitive_spec(PrimitiveTypeInfo.make(kind, info.markers))
     if not isinstance(inner, PrimitiveConstructorSpec):
         return None

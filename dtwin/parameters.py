@@ -7,18 +7,41 @@ arm's data sheet in docs/model.md.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from itertools import chain
 from operator import attrgetter
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Annotated, Any, Final, Literal
 
 import msgspec
 
 from dtwin.errors import ModelError, ParameterError, choices
 
-Triple = tuple[float, float, float]
+JOINTS: Final = 3
+"""Number of joints of the cell's arm, as `arms/thesis.toml` has them."""
+JointVector = tuple[float, ...]
+"""One number for each joint of an arm, from the base outward."""
+ONE_A_JOINT: Final = msgspec.Meta(min_length=JOINTS, max_length=JOINTS)
+"""Says of a sequence that it has one entry for each joint of the cell's arm."""
+CellJoints = Annotated[JointVector, ONE_A_JOINT]
+"""One number for each joint of the cell's arm. Whoever reads it from a message, a file or the command line refuses
+another length."""
+
+Point = tuple[float, float, float]
+"""Coordinates (x, y, z) of a point, m."""
+
+
+def joint_vector(values: Iterable[float]) -> JointVector:
+    """Numbers that stand one for each joint, such as a row of an array, as they are passed on."""
+    return tuple(map(float, values))
+
+
+def every_joint(value: float) -> JointVector:
+    """The same number for every joint of the cell's arm."""
+    return (value,) * JOINTS
+
+
 PayloadModel = Literal["point", "weight"]
 """How a payload enters the equations: as a point mass at the tip, or by its weight alone."""
 Law = Literal["computed_torque", "row_sum", "cascade"]
@@ -49,8 +72,8 @@ _SYMBOLS: Final = {
     "D": "damping",
     "mu": "coulomb",
 }
-_TRIPLES: Final = attrgetter(*_SYMBOLS.values())
-PARAMETER_NAMES: Final = tuple(f"{symbol}{joint}" for symbol in _SYMBOLS for joint in (1, 2, 3))
+_VECTORS: Final = attrgetter(*_SYMBOLS.values())
+PARAMETER_NAMES: Final = tuple(f"{symbol}{joint}" for symbol in _SYMBOLS for joint in range(1, JOINTS + 1))
 """The names K1, K2, K3, m1, ..., D3, mu1, mu2, mu3, in the order of `ArmParameters.vector`."""
 
 
@@ -60,7 +83,7 @@ def symbol_of(name: str) -> str:
     Raises:
         ParameterError: there is no such parameter.
     """
-    return tuple(_SYMBOLS)[_index(name) // 3]
+    return tuple(_SYMBOLS)[_index(name) // JOINTS]
 
 
 _UNITS: Final = {
@@ -98,19 +121,19 @@ class ArmParameters:
         ParameterError: a value is not finite, or negative, or a mass, inertia, length or K is zero.
     """
 
-    voltage_constant: Triple = (0.01765 / 0.075, 0.0118 / 0.075, 0.0118 / 0.075)
-    mass: Triple = (0.11804, 0.11604, 0.12993861)
-    inertia: Triple = (5.3325e-4, 3.7766e-4, 2.4296e-4)
-    length: Triple = (0.15786938, 0.13246938, 0.1608)
-    com: Triple = (0.120, 0.100, 0.140)
-    damping: Triple = (0.05, 0.05, 0.05)
-    coulomb: Triple = (0.0, 0.0, 0.0)
+    voltage_constant: CellJoints = (0.01765 / 0.075, 0.0118 / 0.075, 0.0118 / 0.075)
+    mass: CellJoints = (0.11804, 0.11604, 0.12993861)
+    inertia: CellJoints = (5.3325e-4, 3.7766e-4, 2.4296e-4)
+    length: CellJoints = (0.15786938, 0.13246938, 0.1608)
+    com: CellJoints = (0.120, 0.100, 0.140)
+    damping: CellJoints = every_joint(0.05)
+    coulomb: CellJoints = every_joint(0.0)
 
     def __post_init__(self) -> None:
         for symbol, name in _SYMBOLS.items():
             values = getattr(self, name)
-            if len(values) != 3:
-                raise ParameterError(f"{name}: expected 3 values, one a link, got {len(values)}")
+            if len(values) != JOINTS:
+                raise ParameterError(f"{name}: expected {JOINTS} values, one a link, got {len(values)}")
             for joint, value in enumerate(values, 1):
                 zero_allowed = symbol in ("D", "mu", "c")
                 if not math.isfinite(value) or value < 0 or (value == 0 and not zero_allowed):
@@ -119,7 +142,7 @@ class ArmParameters:
 
     def vector(self) -> tuple[float, ...]:
         """The 21 values in the order of PARAMETER_NAMES."""
-        return tuple(chain.from_iterable(_TRIPLES(self)))
+        return tuple(chain.from_iterable(_VECTORS(self)))
 
     @classmethod
     def from_vector(cls, values: tuple[float, ...]) -> ArmParameters:
@@ -130,8 +153,7 @@ class ArmParameters:
         """
         if len(values) != len(PARAMETER_NAMES):
             raise ParameterError(f"expected {len(PARAMETER_NAMES)} values, got {len(values)}")
-        triples = (tuple(float(v) for v in values[i : i + 3]) for i in range(0, len(values), 3))
-        return cls(*triples)  # type: ignore[arg-type]  # each has three values, by the length
+        return cls(*(joint_vector(values[i : i + JOINTS]) for i in range(0, len(values), JOINTS)))
 
     def get(self, name: str) -> float:
         """The value of one parameter by its name, such as `K2`.
@@ -188,16 +210,19 @@ class Gains:
     What is usual depends on the law: `dtwin.controller.settings.usual_gains` gives it.
 
     Raises:
-        ParameterError: a gain is negative or not finite.
+        ParameterError: a gain is negative or not finite, or there is not one for each joint.
     """
 
-    kp: Triple
-    ki: Triple
-    kd: Triple
+    kp: CellJoints
+    ki: CellJoints
+    kd: CellJoints
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            for joint, value in enumerate(getattr(self, field.name), 1):
+            values = getattr(self, field.name)
+            if len(values) != JOINTS:
+                raise ParameterError(f"{field.name}: expected {JOINTS} values, one a joint, got {len(values)}")
+            for joint, value in enumerate(values, 1):
                 if not math.isfinite(value) or value < 0:
                     raise ParameterError(f"{field.name}{joint}: expected a finite number at least 0, got {value}")
 
@@ -208,7 +233,7 @@ class Place:
 
     x: float
     y: float
-    theta: Triple
+    theta: CellJoints
 
 
 Colour = str
@@ -219,8 +244,8 @@ PLACES: Final[Mapping[Colour, Place]] = {
     "red": Place(0.15, 0.15, (2.5298, -2.0654, -0.4644)),
     "green": Place(0.15, 0.28, (1.8515, -0.5320, -1.3195)),
 }
-HOME: Final[Triple] = (0.0, 0.0, 0.0)
-HANGING: Final[Triple] = (-math.pi / 2, 0.0, 0.0)
+HOME: Final[JointVector] = every_joint(0.0)
+HANGING: Final[JointVector] = (-math.pi / 2, 0.0, 0.0)
 
 
 def assignment(text: str) -> tuple[str, float]:

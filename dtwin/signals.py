@@ -12,7 +12,7 @@ from typing import Annotated, Final, Literal, get_args
 
 import msgspec
 
-from dtwin.parameters import VOLTAGE_LIMIT, Triple
+from dtwin.parameters import JOINTS, VOLTAGE_LIMIT, CellJoints, every_joint
 
 SCHEMA: Final = 1
 """Version of the messages' layout, in every message as `schema`; a change that old readers misread raises it."""
@@ -26,7 +26,14 @@ Seconds = Annotated[float, msgspec.Meta(ge=0.0, le=LATEST)]
 Volts = Annotated[float, msgspec.Meta(ge=-VOLTAGE_LIMIT, le=VOLTAGE_LIMIT)]
 Word = Annotated[str, msgspec.Meta(max_length=32)]
 Line = Annotated[str, msgspec.Meta(max_length=1000)]
-Quad = tuple[float, float, float, float]
+DriveVector = tuple[float, ...]
+"""One number for each drive of the cell: those of the joints, and the gripper's."""
+ONE_A_DRIVE: Final = msgspec.Meta(min_length=JOINTS + 1, max_length=JOINTS + 1)
+"""Says of a sequence that it has one entry for each drive of the cell."""
+CellDrives = Annotated[DriveVector, ONE_A_DRIVE]
+"""One number for each drive of the cell. Whoever reads it from a message or a file refuses another length."""
+DriveVolts = Annotated[tuple[Volts, ...], ONE_A_DRIVE]
+"""A command to the drives of the cell, V, checked as `CellDrives` and for its range."""
 NO_COLOUR = ""
 ArmState = Literal["nominal", "may be degrading", "failed", "angles unknown"]
 ARM_STATES: Final[tuple[ArmState, ...]] = get_args(ArmState)
@@ -120,21 +127,21 @@ class Sensors(msgspec.Struct, frozen=True, gc=False, tag_field="schema", tag=SCH
 
     sequence: Count
     time: Seconds
-    theta: Triple
+    theta: CellJoints
     gripper: float
     box_present: bool
     box_colour: Word
 
 
 class Voltages(msgspec.Struct, frozen=True, gc=False, tag_field="schema", tag=SCHEMA):
-    """One command: volts of joints 1 to 3 and the gripper, V, and whether the box is held.
+    """One command: volts of the joints and of the gripper, V, and whether the box is held.
 
     sequence and time are those of the sample it answers.
     """
 
     sequence: Count
     time: Seconds
-    volts: tuple[Volts, Volts, Volts, Volts]
+    volts: DriveVolts
     box_gripped: bool
 
 
@@ -142,13 +149,13 @@ class Truth(msgspec.Struct, frozen=True, gc=False, tag_field="schema", tag=SCHEM
     """The plant's state without noise, for evaluation only: rad, rad/s, kg."""
 
     time: Seconds
-    theta: Triple
-    omega: Triple
+    theta: CellJoints
+    omega: CellJoints
     gripper: float
     payload_mass: float
 
 
-UNKNOWN: Final = Truth(math.nan, (math.nan,) * 3, (math.nan,) * 3, math.nan, math.nan)
+UNKNOWN: Final = Truth(math.nan, every_joint(math.nan), every_joint(math.nan), math.nan, math.nan)
 """The state of a plant of which nobody knows more than what is measured."""
 
 
@@ -173,5 +180,5 @@ class StepRecord(msgspec.Struct, frozen=True, gc=False):
 
     truth: Truth
     sensors: Sensors
-    target: Triple
+    target: CellJoints
     voltages: Voltages

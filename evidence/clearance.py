@@ -26,7 +26,7 @@ from dtwin.controller.settings import ControlSettings
 from dtwin.emulation import MODEL_FILE
 from dtwin.emulation.contact.clearance import FARTHEST, Clearance, Nearest
 from dtwin.errors import ParameterError
-from dtwin.parameters import HANGING, PERIOD, PICKUP, PLACES, GripperParameters, Triple
+from dtwin.parameters import HANGING, JOINTS, PERIOD, PICKUP, PLACES, GripperParameters, JointVector, joint_vector
 from dtwin.pictures import COLOURS, new_figure
 from dtwin.signals import NO_COLOUR, Sensors
 from evidence.experiment import ExperimentCommand
@@ -164,7 +164,7 @@ def _chart(legs: Sequence[LegClearance]) -> Figure:
 
 @dataclass(frozen=True, slots=True)
 class _Pose:
-    theta: Triple
+    theta: JointVector
     gripper: float
     carries: bool
     start: str
@@ -208,7 +208,7 @@ def sweep(shapes: Clearance, blocks: Path = BLOCKS) -> list[LegClearance]:
     return [LegClearance(*key, *nearest) for key, nearest in legs.items()]
 
 
-def random_poses(shapes: Clearance, count: int, seed: int) -> list[Triple]:
+def random_poses(shapes: Clearance, count: int, seed: int) -> list[JointVector]:
     """Free poses, angles uniform over a turn.
 
     Args:
@@ -217,20 +217,20 @@ def random_poses(shapes: Clearance, count: int, seed: int) -> list[Triple]:
         seed: number of the random generator.
     """
     generator = np.random.default_rng(seed)
-    found: list[Triple] = []
+    found: list[JointVector] = []
     while len(found) < count:
-        first, second, third = generator.uniform(-math.pi, math.pi, 3).tolist()
-        if shapes.nearest((first, second, third), OPEN, False, ("pickup",)).distance > 0:
-            found.append((first, second, third))
+        theta = joint_vector(generator.uniform(-math.pi, math.pi, JOINTS))
+        if shapes.nearest(theta, OPEN, False, ("pickup",)).distance > 0:
+            found.append(theta)
     return found
 
 
-def hanging_poses() -> list[Triple]:
+def hanging_poses() -> list[JointVector]:
     """Poses in which an arm may hang that has fallen from anywhere: each joint whole turns further or not."""
     return [(first, *rest) for first in (HANGING[0], HANGING[0] + 2 * math.pi) for rest in product(_TURNS, _TURNS)]
 
 
-def start_ups(shapes: Clearance, poses: Sequence[Triple], blocks: Path = BLOCKS) -> StartUps:
+def start_ups(shapes: Clearance, poses: Sequence[JointVector], blocks: Path = BLOCKS) -> StartUps:
     """Lets the blocks find a way from each of some poses to the pickup point, for an arm that follows it exactly.
 
     Args:
@@ -257,7 +257,7 @@ def start_ups(shapes: Clearance, poses: Sequence[Triple], blocks: Path = BLOCKS)
     return StartUps(len(poses), len(poses) - helpless - touching, helpless, touching, *nearest)
 
 
-def _start_up(controller: EmbeddedController, theta: Triple) -> list[Triple] | None:
+def _start_up(controller: EmbeddedController, theta: JointVector) -> list[JointVector] | None:
     """The poses on the way to the pickup point, None if help is called for."""
     way = [theta]
     for tick in range(_LONGEST):

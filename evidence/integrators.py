@@ -18,7 +18,7 @@ from dtwin.emulation.machine.energy import EnergyBalance, balance_of
 from dtwin.emulation.machine.files import machine_of
 from dtwin.emulation.machine.integration import Integrator, driven
 from dtwin.emulation.machine.sections import Machine, Structure, Transmission
-from dtwin.parameters import Triple
+from dtwin.parameters import JointVector
 from evidence.experiment import SeriesCommand
 from evidence.report import Report, page, table
 
@@ -120,7 +120,7 @@ def _done(task: _Task) -> tuple[float, ...] | EnergyBalance:
     return tuple(float(np.abs(driven(machine, *choice, seconds) - reference).max()) for choice in CHOICES)
 
 
-def swing(time: float, minute: float) -> Triple:
+def swing(time: float, minute: float) -> JointVector:
     """Voltages at a plant time (s) of the balance (V): the arm is driven first and left alone for the last 30 %."""
     volt = 1.5 * math.sin(5.0 * time) if time < 0.7 * minute else 0.0
     return volt, 0.4 * volt, 0.2 * volt

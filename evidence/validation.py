@@ -19,14 +19,14 @@ from rich.table import Table
 from dtwin.commands.frame import JsonOption
 from dtwin.emulation.plant import Plant
 from dtwin.files import PICTURE, ensure_writable
-from dtwin.parameters import HANGING, HOME, PHYSICS_STEP, ArmParameters, Triple, scaled
+from dtwin.parameters import HANGING, HOME, PHYSICS_STEP, ArmParameters, JointVector, scaled
 from dtwin.pictures import COLOURS, legend, new_figure, save
 from dtwin.terminal import print_json, print_table
 from dtwin.twin.rollout import rollout
 
 Array = NDArray[np.float64]
 
-UPRIGHT: Triple = (math.pi / 2, 0.0, 0.0)
+UPRIGHT: JointVector = (math.pi / 2, 0.0, 0.0)
 TOLERANCE = 5e-4
 """rad and s, by which a value may differ from the expected one"""
 AGREEMENT = 1e-11
@@ -46,7 +46,7 @@ class ValidationCase:
     """
 
     name: str
-    start: Triple
+    start: JointVector
     parameters: ArmParameters
     duration: float
     payload: float = 0.0
@@ -82,7 +82,7 @@ class Trajectory:
         return float(self.time[away.argmax()]) if away.any() else math.inf
 
     @property
-    def final(self) -> Triple:
+    def final(self) -> JointVector:
         a, b, c = self.theta[-1].tolist()
         return (a, b, c)
 

@@ -41,7 +41,7 @@ from dtwin.errors import CommunicationError, DtwinError, IdentificationError
 from dtwin.identification.model import IdentifiedModel, read_model
 from dtwin.identification.operating_data import PIECES, OperatingData
 from dtwin.identification.store import STORE, ModelStore
-from dtwin.parameters import PERIOD, ArmParameters
+from dtwin.parameters import PERIOD, ArmParameters, joint_vector
 from dtwin.run.options import CellFileOption
 from dtwin.services.parts.identifying.progress import Progress
 from dtwin.services.parts.identifying.signal import PROGRESS, SignalMeasurement
@@ -129,24 +129,15 @@ class Identification:
         return state
 
     def _decide(self, decision: IdentificationDecision) -> IdentificationState:
-        progress = self._progress
-        model = progress.decidable(decision, self._model)
-        if not decision.accept:
-            self._enter(msgspec.structs.replace(progress.state, phase="rejected", text="the model was not kept"))
-            return progress.state
-        doubts = model.validity.doubts
-        entry = self._store.save(model, decision.name)
-        text = f"kept as {entry}, though {doubts}" if doubts else f"kept as {entry}"
-        if decision.upload:
-            text = f"{text}, {self._upload(model.arm, text)}"
-        self._enter(
-            msgspec.structs.replace(progress.state, phase="accepted", text=text[:1000], model_file=str(entry.path))
-        )
-        return progress.state
+        def keep(model: IdentifiedModel) -> tuple[Path, str]:
+            entry, doubts = self._store.save(model, decision.name), model.validity.doubts
+            return entry.path, f"kept as {entry}, though {doubts}" if doubts else f"kept as {entry}"
 
-    def _upload(self, arm: ArmParameters, why: str) -> str:
+        return self._progress.decide(decision, self._model, keep, self._upload, self._time)
+
+    def _upload(self, model: IdentifiedModel, why: str) -> str:
         """What became of the model in the controller, which knows no Coulomb friction; it is kept in any case."""
-        bus = self._service.bus
+        bus, arm = self._service.bus, model.arm
         unopposed = arm.with_values({f"mu{joint}": 0.0 for joint in (1, 2, 3)})
         try:
             seen = bus.ask(UPLOAD, None, Upload).version
@@ -226,7 +217,6 @@ class Identification:
     def _propose(self, estimate: Estimate, model: IdentifiedModel, warning: str = "") -> bool:
         release_compiler()
         self._model, self._deadline = model, None
-        first, second, third = model.validity.fit
         self._enter(
             msgspec.structs.replace(
                 self._progress.state,
@@ -239,7 +229,7 @@ class Identification:
                     name: Estimated(estimate.values[name], estimate.standard_errors[name])
                     for name in estimate.identifiability.identifiable
                 },
-                fit=(first, second, third),
+                fit=joint_vector(model.validity.fit),
                 doubts=model.validity.doubts[:1000],
             )
         )

@@ -49,7 +49,7 @@ from dtwin.controller.sequence import SEQUENCES, SequenceName
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import CommunicationError, DtwinError, ParameterError
 from dtwin.identification.machine.record import MachineRecord, read_record
-from dtwin.parameters import ArmParameters, Gains, Triple
+from dtwin.parameters import ArmParameters, Gains, JointVector
 from dtwin.run.options import CellFileOption
 from dtwin.services.parts.proposing.answers import Proposing
 from dtwin.services.parts.readiness.preparation import prepare
@@ -113,7 +113,7 @@ class BridgePort:
         """Raises CommunicationError when the device does not take it over."""
         return self._ask(SettingsRequest(payload=mass))
 
-    def write_offsets(self, offsets: Triple) -> ControlSettings:
+    def write_offsets(self, offsets: JointVector) -> ControlSettings:
         """Raises CommunicationError when the device does not take them over."""
         return self._ask(SettingsRequest(encoder_offset=offsets))
 

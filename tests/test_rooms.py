@@ -11,6 +11,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 FLOORS = [
     {"iec61499"},
+    {"dtwin.lengths"},
     {"dtwin.errors", "dtwin.optional"},
     {"dtwin.files", "dtwin.names", "dtwin.options", "dtwin.parameters", "dtwin.terminal"},
     {"dtwin.signals", "dtwin.task", "dtwin.line_file", "dtwin.arm"},
@@ -75,23 +76,15 @@ MOST_PRIVATE = 12
 _VIEWS = "views of MuJoCo's memory and numbers of the model, looked up once for all ticks"
 _SAMPLE = "not split yet: read in every sample of the monitor"
 _TABLES = "tables of the network, read at every event"
-_NOT_YET = "not split yet"
 CROWDED = {
     "dtwin.emulation.plant.Plant": _VIEWS,
     "dtwin.emulation.contact.bodies.Bodies": _VIEWS,
-    "dtwin.line.live.overall.LiveOverall": _NOT_YET,
-    "dtwin.line.live.zone.LiveZone": _NOT_YET,
-    "dtwin.line.twins.chain.ChainNodeTwin": _NOT_YET,
-    "dtwin.line.twins.node.NodeTwin": _NOT_YET,
     "dtwin.monitoring.candidate.Candidate": _SAMPLE,
     "dtwin.monitoring.diagnosis.Diagnosis": _SAMPLE,
     "dtwin.monitoring.estimation.estimator.Estimator": _SAMPLE,
     "dtwin.monitoring.monitor.Monitor": _SAMPLE,
     "dtwin.monitoring.sensing.gripper.GripperWatch": _SAMPLE,
     "dtwin.monitoring.sensing.readings.Readings": _SAMPLE,
-    "dtwin.services.chain.bridge.ArmBridge": _NOT_YET,
-    "dtwin.services.chain.monitoring.Watching": _NOT_YET,
-    "dtwin.services.monitoring.Monitoring": _NOT_YET,
     "iec61499.runtime.resource.Resource": _TABLES,
 }
 """Classes with more private fields, and why; no other may have more."""

@@ -11,7 +11,7 @@ from dtwin.bus.messages import RESIDUALS, TICKS, PassedTicks
 from dtwin.bus.session import Bus
 from dtwin.bus.ticks import Tick
 from dtwin.bus.twin_messages import MonitoringResiduals
-from dtwin.parameters import Triple
+from dtwin.parameters import JointVector
 
 Signal = Literal["angle", "voltage", "residual"]
 EVERY: Final = 0.25
@@ -24,7 +24,7 @@ class Point(NamedTuple):
     """A value of each joint at a plant time, s."""
 
     time: float
-    values: Triple
+    values: JointVector
 
 
 class Trends:
@@ -50,9 +50,8 @@ class Trends:
 
     def _take_ticks(self, ticks: list[Tick]) -> None:
         sensors, acted = ticks[-1]
-        first, second, third, _ = acted.volts
         self._keep("angle", Point(sensors.time, sensors.theta))
-        self._keep("voltage", Point(sensors.time, (first, second, third)))
+        self._keep("voltage", Point(sensors.time, acted.volts[:-1]))
 
     def _take_residuals(self, told: MonitoringResiduals) -> None:
         self._keep("residual", Point(told.time, told.residual))

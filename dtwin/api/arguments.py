@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, Final, Literal, ParamSpec, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from dtwin.errors import ParameterError, choices
+from dtwin.lengths import in_full
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -55,7 +56,7 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
                 valid = [each for each in signature.parameters if each != "self"]
                 raise ParameterError(f"unknown argument {name!r}: expected {choices(valid)}")
         if not hints:
-            hints.update(get_type_hints(function))
+            hints.update(get_type_hints(function, include_extras=True))
         bound = signature.bind(*args, **kwargs)
         for name, value in bound.arguments.items():
             if name in hints:
@@ -79,6 +80,7 @@ def _argument(name: str, value: Any, hint: Any) -> Any:
 
 def _read(value: Any, hint: Any) -> Any:
     """A value as its hint says."""
+    hint = in_full(hint)
     origin, parts = get_origin(hint), get_args(hint)
     if origin in (Union, types.UnionType):
         for part in parts:
@@ -120,6 +122,7 @@ def _items(value: Any, parts: tuple[Any, ...]) -> tuple[Any, ...]:
 
 def _words(hint: Any) -> str:
     """What a hint asks for, in words."""
+    hint = in_full(hint)
     origin, parts = get_origin(hint), get_args(hint)
     if origin in (Union, types.UnionType):
         return choices(_words(part) for part in parts)

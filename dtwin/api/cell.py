@@ -15,7 +15,7 @@ from dtwin.emulation import MODEL_FILE
 from dtwin.emulation.encoders import NoiseKind
 from dtwin.errors import DtwinError, ParameterError
 from dtwin.fmu.sources import Subject, Version
-from dtwin.parameters import PHYSICS_STEP, Gains, Law, Triple
+from dtwin.parameters import PHYSICS_STEP, CellJoints, Gains, Law
 from dtwin.run import cell
 from dtwin.run.hidden import HiddenLog
 from dtwin.run.options import ControlOptions, PlantOptions
@@ -73,7 +73,7 @@ class Cell:
         target_time: float | None = None,
         law: Law | None = None,
         gains: Gains | None = None,
-        friction: Triple | None = None,
+        friction: CellJoints | None = None,
         delay: float = Compensation().delay,
         dead_zone: float = Compensation().dead_zone,
         bandwidth: float = Compensation().bandwidth,

@@ -45,7 +45,7 @@ from dtwin.bus.twin_messages import (
     UploadRequest,
 )
 from dtwin.errors import CommunicationError, ParameterError, UnansweredError
-from dtwin.parameters import PERIOD, ArmParameters, Gains, Triple
+from dtwin.parameters import PERIOD, ArmParameters, CellJoints, Gains, joint_vector
 from dtwin.services.runfile import join
 from dtwin.signals import Sensors, Voltages
 
@@ -70,8 +70,8 @@ class ArmState:
     """
 
     time: float
-    theta: Triple
-    omega: Triple
+    theta: CellJoints
+    omega: CellJoints
     holds_box: bool
 
 
@@ -158,8 +158,8 @@ class LiveCell:
         # A parabola through several samples: a difference of two would show the encoders' noise.
         times = PERIOD * np.arange(1 - len(last), 1)
         angles = np.array([sample.theta for sample in last])
-        first, second, third = np.polyfit(times, angles, 2)[1].tolist()
-        return ArmState(last[-1].time, last[-1].theta, (first, second, third), self._holds_box())
+        omega = joint_vector(np.polyfit(times, angles, 2)[1])
+        return ArmState(last[-1].time, last[-1].theta, omega, self._holds_box())
 
     def _holds_box(self) -> bool:
         commands: SimpleQueue[Voltages] = SimpleQueue()

@@ -11,7 +11,7 @@ from dtwin.controller.motion import MotionController
 from dtwin.controller.settings import APPLICATION_LAW, Compensation, ControlSettings, usual_gains
 from dtwin.errors import ParameterError
 from dtwin.identification.store import STORE
-from dtwin.parameters import ArmParameters, Gains, Law, Triple
+from dtwin.parameters import ArmParameters, CellJoints, Gains, Law
 from dtwin.run.cell_file import cell_of
 from dtwin.simulation.margins.demands import MARGINS, Case, Demands, Shortfall, cases
 from dtwin.simulation.margins.poses import POSES
@@ -55,7 +55,7 @@ def margins(
     *,
     law: Law = APPLICATION_LAW,
     gains: Gains | None = None,
-    friction: Triple | None = None,
+    friction: CellJoints | None = None,
     delay: float = Compensation().delay,
     dead_zone: float = Compensation().dead_zone,
     bandwidth: float = Compensation().bandwidth,

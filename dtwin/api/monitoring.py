@@ -28,7 +28,7 @@ from dtwin.monitoring.settings import ALARMS_PER_HOUR, MonitorSettings
 from dtwin.monitoring.thesis import ThesisMonitor, ThesisSettings
 from dtwin.monitoring.trend import Forecast
 from dtwin.monitoring.verdict import Finding
-from dtwin.parameters import ArmParameters
+from dtwin.parameters import ArmParameters, joint_vector
 from dtwin.run.prediction import BelievedArm
 from dtwin.run.settings import arm_of
 from dtwin.signals import Event, of_monitor
@@ -218,5 +218,4 @@ def _belief(seen: Stream, model: Identified | str | Path | None, store: AnyPath,
         return identified(model_of(model, store))
     if record is not None:
         return commissioned(read_record(Path(record)))
-    first, second, third = noise(seen.measured).tolist()
-    return data_sheet((first, second, third))
+    return data_sheet(joint_vector(noise(seen.measured)))

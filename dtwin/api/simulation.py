@@ -19,7 +19,7 @@ from dtwin.errors import ParameterError
 from dtwin.identification.machine.record import read_record
 from dtwin.identification.store import STORE
 from dtwin.logs.belonging import check_belonging
-from dtwin.parameters import ArmParameters, Gains, Law, Triple, assignment
+from dtwin.parameters import ArmParameters, CellJoints, Gains, Law, assignment
 from dtwin.run.cell_file import cell_of
 from dtwin.simulation.candidates import vary as varied
 from dtwin.simulation.measured import MotionComparison, compare, find, settings_of
@@ -43,7 +43,7 @@ def simulate(
     target_time: float = 2.0,
     law: Law = APPLICATION_LAW,
     gains: Gains | None = None,
-    friction: Triple | None = None,
+    friction: CellJoints | None = None,
     delay: float = _COMPENSATION.delay,
     dead_zone: float = _COMPENSATION.dead_zone,
     bandwidth: float = _COMPENSATION.bandwidth,

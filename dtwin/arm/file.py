@@ -23,7 +23,7 @@ import numpy as np
 from dtwin.arm.chain import Actuator, Arm, Commanded, Friction, Gripper, Joint, Side, Tolerances, Transmission
 from dtwin.errors import ModelError, choices
 from dtwin.files import reason_of
-from dtwin.parameters import ROOT
+from dtwin.parameters import ROOT, Point
 
 FOLDER: Final = ROOT / "arms"
 """Folder of the named arms."""
@@ -102,7 +102,7 @@ class ArmFile:
     model: Path
     tip: str | None = None
     period: float = 0.01
-    tool: tuple[float, float, float] | None = None
+    tool: Point | None = None
     joints: Mapping[str, Mapping[str, float | str]] = field(default_factory=dict)
     tolerances: Tolerances = field(default_factory=Tolerances)
     payload: float | None = None
@@ -343,7 +343,7 @@ def _number(where: str, value: Any, sign: Sign, what: str) -> float:
     return float(value)
 
 
-def _point(where: str, value: Any) -> tuple[float, float, float]:
+def _point(where: str, value: Any) -> Point:
     if not isinstance(value, list) or len(value) != 3:
         raise ModelError(f"{where}: expected three numbers, m, got {value!r}")
     x, y, z = (_number(where, number, "any", "m") for number in value)

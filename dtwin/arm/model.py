@@ -9,7 +9,7 @@ if TYPE_CHECKING:  # Messages carry models, and who only passes them loads no li
     from dtwin.arm.chain import Arm
 
 USUAL_POLE: Final = 13.7
-"""Triple pole of the errors of a joint, rad/s."""
+"""The threefold pole of the errors of a joint, rad/s."""
 USUAL_OBSERVER: Final = 100.0
 """Double pole of its observer, rad/s."""
 

@@ -28,7 +28,6 @@ _KINDS: Final[Mapping[str, JointKind]] = {
     "continuous": "revolute",
     "prismatic": "prismatic",
 }
-_REFUSED: Final = ("floating", "planar")
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Final, Generic, TypeVar
 
 import msgspec
@@ -13,6 +14,7 @@ SIZE_LIMIT: Final = 65536
 """Length of the longest message, bytes; longer ones are refused before they are decoded."""
 
 M = TypeVar("M", bound=msgspec.Struct)
+D = TypeVar("D")
 
 
 class MessageError(CommunicationError):
@@ -21,6 +23,24 @@ class MessageError(CommunicationError):
     def __init__(self, reason: str, detail: str) -> None:
         super().__init__(f"{reason}: {detail}")
         self.reason = reason
+
+
+def decoded(decode: Callable[[bytes], D], payload: bytes) -> D:
+    """What a decoder makes of a message.
+
+    Raises:
+        MessageError: it is too long or no JSON, or a field is missing or out of range.
+    """
+    if len(payload) > SIZE_LIMIT:
+        raise MessageError("too long", f"expected at most {SIZE_LIMIT} bytes, got {len(payload)}")
+    try:
+        return decode(payload)
+    except msgspec.ValidationError as error:
+        raise MessageError("invalid", str(error)) from None
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        raise MessageError("malformed", str(error)) from None
+    except RecursionError:
+        raise MessageError("malformed", "nested too deeply") from None
 
 
 class _Unversioned(msgspec.Struct, frozen=True, tag_field="schema", tag=0):
@@ -44,16 +64,7 @@ class Reader(Generic[M]):
         Raises:
             MessageError: it is too long, no JSON or of another version, or a field is missing or out of range.
         """
-        if len(payload) > SIZE_LIMIT:
-            raise MessageError("too long", f"expected at most {SIZE_LIMIT} bytes, got {len(payload)}")
-        try:
-            found = self._decode(payload)
-        except msgspec.ValidationError as error:
-            raise MessageError("invalid", str(error)) from None
-        except (msgspec.DecodeError, UnicodeDecodeError) as error:
-            raise MessageError("malformed", str(error)) from None
-        except RecursionError:
-            raise MessageError("malformed", "nested too deeply") from None
+        found = decoded(self._decode, payload)
         if type(found) is not self._message:
             raise MessageError("invalid", f"expected schema {SCHEMA}, got 0")
         message: M = found

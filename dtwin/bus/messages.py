@@ -41,12 +41,13 @@ from dtwin.bus.twin_messages import (
     WatchRequest,
     WatchState,
 )
-from dtwin.parameters import Triple
+from dtwin.parameters import CellJoints
 from dtwin.signals import (
     SCHEMA,
     ArmState,
     BoxCounts,
     Count,
+    DriveVolts,
     Event,
     Line,
     Seconds,
@@ -54,7 +55,6 @@ from dtwin.signals import (
     Stop,
     Truth,
     Voltages,
-    Volts,
     Word,
 )
 
@@ -126,7 +126,7 @@ class Acted(msgspec.Struct, frozen=True, gc=False, tag_field="schema", tag=SCHEM
 
     sequence: Count
     time: Seconds
-    volts: tuple[Volts, Volts, Volts, Volts]
+    volts: DriveVolts
     box_gripped: bool
 
 
@@ -156,7 +156,7 @@ class Path(msgspec.Struct, frozen=True, gc=False, tag_field="schema", tag=SCHEMA
 
     sequence: Count
     time: Seconds
-    theta: Triple
+    theta: CellJoints
 
 
 BACKLOG_PAGE: Final = 100

@@ -10,7 +10,7 @@ from typing import Annotated, Final, Literal
 import msgspec
 
 from dtwin.names import Name
-from dtwin.parameters import ArmParameters, Gains, Law, Triple
+from dtwin.parameters import ArmParameters, CellJoints, Gains, Law, every_joint
 from dtwin.signals import SCHEMA, Count, Line, Seconds, Word
 
 HEAVIEST: Final = 1.0
@@ -122,7 +122,7 @@ class UploadRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA)
     version: Count | None = None
     arm: ArmParameters | None = None
     payload: Kilograms | None = None
-    encoder_offset: Triple | None = None
+    encoder_offset: CellJoints | None = None
     late: Ticks = 0.0
 
 
@@ -165,9 +165,9 @@ class Upload(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
     target_time: float
     law: Law
     model: ArmParameters
-    predicted: Triple | None = None
+    predicted: CellJoints | None = None
     payload: float = 0.2
-    encoder_offset: Triple = (0.0, 0.0, 0.0)
+    encoder_offset: CellJoints = every_joint(0.0)
 
 
 class PredictionRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
@@ -207,9 +207,9 @@ class PredictedMotion(msgspec.Struct, frozen=True):
     start: Word
     goal: Word
     carries: bool
-    rms: Triple
-    tracking: Triple
-    peak_volts: Triple
+    rms: CellJoints
+    tracking: CellJoints
+    peak_volts: CellJoints
     saturated: float
 
 
@@ -332,9 +332,9 @@ class MonitoringResiduals(msgspec.Struct, frozen=True, gc=False, tag_field="sche
 
     sequence: Count
     time: Seconds
-    predicted: Triple
-    residual: Triple
-    deviation: Triple
+    predicted: CellJoints
+    residual: CellJoints
+    deviation: CellJoints
     evidence: float
     threshold: float
 

@@ -14,12 +14,12 @@ from dtwin.bus.ticks import Ticks
 from dtwin.errors import CommunicationError
 from dtwin.logs.collecting import RunLog
 from dtwin.logs.log import Log
-from dtwin.parameters import PERIOD, Triple
+from dtwin.parameters import PERIOD, JointVector, every_joint
 from dtwin.signals import UNKNOWN, Sensors, StepRecord, Voltages
 
 PATIENCE: Final = 30.0
 """Longest time without a message, s."""
-_NO_TARGET: Final[Triple] = (math.nan, math.nan, math.nan)
+_NO_TARGET: Final[JointVector] = every_joint(math.nan)
 _SECOND: Final = round(1.0 / PERIOD)
 """Ticks."""
 

@@ -18,12 +18,12 @@ from dtwin.logs.log import Log
 from dtwin.monitoring.calibration import watched
 from dtwin.monitoring.learning.wandering import warmed
 from dtwin.monitoring.offline import stream
-from dtwin.parameters import ArmParameters, Triple
+from dtwin.parameters import ArmParameters, JointVector
 from dtwin.simulation.proposal import propose
 from dtwin.task import task_of
 
 Progress = Callable[[str], None]
-Angles = tuple[Triple, ...]
+Angles = tuple[JointVector, ...]
 
 
 class Identified(msgspec.Struct, frozen=True):

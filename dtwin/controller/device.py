@@ -30,7 +30,7 @@ from dtwin.controller.ports import (
 from dtwin.controller.sequence import CALLS, HELP, SequenceSettings
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import CommunicationError
-from dtwin.parameters import ArmParameters, Gains, Triple
+from dtwin.parameters import JOINTS, ArmParameters, Gains, JointVector
 from dtwin.signals import ARM_STATES, STOPS, ArmState, Sensors, Stop, Voltages
 from iec61499.net.address import StreamAddress
 from iec61499.net.client import BlockingClient
@@ -53,9 +53,9 @@ class PlayedSignal(NamedTuple):
         samples: length of the signal, ticks.
     """
 
-    amplitude: Triple
+    amplitude: JointVector
     unit: int
-    delay: tuple[int, int, int]
+    delay: tuple[int, ...]
     samples: int
 
 
@@ -68,7 +68,7 @@ class Outcome(NamedTuple):
         stop: stop in force.
     """
 
-    path: Triple
+    path: JointVector
     help: int
     stop: Stop
 
@@ -133,16 +133,16 @@ class ControlLoop:
                 self.answer(sensors)
             request.exchange([False])
 
-    def last_angles(self) -> Triple | None:
+    def last_angles(self) -> JointVector | None:
         """Measured angles of the last sample that the application has answered, rad; None while there are no two."""
-        time, theta_1, theta_2, theta_3 = self._application.read(LAST_SAMPLE)
-        return (theta_1, theta_2, theta_3) if time > 0.0 else None
+        time, *theta = self._application.read(LAST_SAMPLE)
+        return tuple(theta) if time > 0.0 else None
 
     def signal(self) -> PlayedSignal:
         """The identification signal that the blocks play on request."""
-        first, second, third, *counts = self._application.read(SIGNAL)
-        unit, delay_1, delay_2, delay_3, samples = map(round, counts)
-        return PlayedSignal((first, second, third), unit, (delay_1, delay_2, delay_3), samples)
+        found = self._application.read(SIGNAL)
+        unit, *delay, samples = map(round, found[JOINTS:])
+        return PlayedSignal(tuple(found[:JOINTS]), unit, tuple(delay), samples)
 
     def request_signal(self, run: bool) -> None:
         """Makes the blocks play the identification signal from the next sample on, or stop playing it."""
@@ -157,11 +157,11 @@ class ControlLoop:
 
     def outcome(self) -> Outcome:
         """What the last answer came with, beside the command."""
-        theta_1, theta_2, theta_3, help_, stop = self._application.watched(_OUTCOME)
+        *theta, help_, stop = self._application.watched(_OUTCOME)
         for name, number, of in ((HELP, help_, CALLS), (STOPPED, stop, STOPS)):
             if number not in range(len(of)):
                 raise CommunicationError(f"{name}: expected a whole number from 0 to {len(of) - 1}, got {number:g}")
-        return Outcome((theta_1, theta_2, theta_3), int(help_), STOPS[int(stop)])
+        return Outcome(tuple(theta), int(help_), STOPS[int(stop)])
 
 
 class Settings:
@@ -227,7 +227,7 @@ class Settings:
         """Changes the assumed mass of a box (kg); returns what is in force then."""
         return self._write((PAYLOAD,), ControlSettings(payload=mass))
 
-    def set_offsets(self, offsets: Triple) -> ControlSettings:
+    def set_offsets(self, offsets: JointVector) -> ControlSettings:
         """Changes the known offsets of the encoders (rad), which the blocks follow by small steps; returns what is in
         force then."""
         return self._write(OFFSETS, ControlSettings(encoder_offset=offsets))

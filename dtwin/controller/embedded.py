@@ -11,7 +11,7 @@ from dtwin.controller.ports import BLOCKS, EMULATOR, LAST_SAMPLE, PATH, SYSTEM, 
 from dtwin.controller.runtime import running
 from dtwin.controller.sequence import CALLS, HELP, STRAIGHT, SequenceSettings
 from dtwin.controller.settings import ControlSettings
-from dtwin.parameters import Triple
+from dtwin.parameters import JointVector
 from dtwin.signals import Event, EventKind, Sensors, Voltages
 from iec61499.runtime.resource import Resource
 from iec61499.trace.ctf import TraceWriter
@@ -82,7 +82,7 @@ class EmbeddedController:
         events, self._events = self._events, []
         return events
 
-    def target(self) -> Triple:
+    def target(self) -> JointVector:
         """Desired angles of the path at the last step, rad."""
         theta_1, theta_2, theta_3 = self._target()
         return (theta_1, theta_2, theta_3)

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from dtwin.controller.kept import application
 from dtwin.controller.ports import BLOCKS, EMULATOR, REQUEST, SYSTEM, TWIN, sensor_values, voltages
-from dtwin.parameters import Triple
-from dtwin.signals import NO_COLOUR, Quad, Sensors
+from dtwin.parameters import JointVector
+from dtwin.signals import NO_COLOUR, DriveVector, Sensors
 from iec61499.runtime.resource import Resource
 
 
@@ -27,7 +27,7 @@ class ExcitationController:
     def __init__(self, blocks: Path = BLOCKS) -> None:
         self._resource = Resource(*application(blocks, SYSTEM))
 
-    def start(self, amplitude: Triple, unit: int, delay: tuple[int, int, int], samples: int) -> None:
+    def start(self, amplitude: JointVector, unit: int, delay: tuple[int, ...], samples: int) -> None:
         """Starts the application anew and requests a 3-2-1-1 signal, which comes with the next step.
 
         Args:
@@ -48,7 +48,7 @@ class ExcitationController:
         request.exchange((True,))
         self._exchange = cell.exchange
 
-    def step(self, theta: Triple, gripper: float) -> Quad:
+    def step(self, theta: JointVector, gripper: float) -> DriveVector:
         """Voltages of motors 1 to 3 and of the gripper (V) that answer measured angles (rad).
 
         Raises:

@@ -13,12 +13,12 @@ from dtwin.controller.ports import BLOCKS, CONFIRM, MOTION_SYSTEM, OFFSETS, PATH
 from dtwin.controller.runtime import running
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import ParameterError, choices
-from dtwin.parameters import PERIOD, Triple
+from dtwin.parameters import PERIOD, JointVector, every_joint
 from dtwin.task import DEFAULT_TASK, Task
 
 NAMES: Final = tuple(DEFAULT_TASK.all_places)
 """Names of the usual places."""
-STILL: Final[Triple] = (0.0, 0.0, 0.0)
+STILL: Final[JointVector] = every_joint(0.0)
 ARM: Final = "ARM"
 """The SERVER block that receives three angles, whether a path begins and whether a box is held; it answers volts."""
 _OF_THE_APPLICATION: Final = {CONFIRM, WIDENED, *OFFSETS}
@@ -27,7 +27,7 @@ _OF_THE_APPLICATION: Final = {CONFIRM, WIDENED, *OFFSETS}
 _UNSETTLED: Final = 10
 """Samples after a start for which the observer takes no reading for frozen."""
 
-Goal = str | Triple
+Goal = str | JointVector
 """Goal of a motion: the name of a place, or joint angles in rad."""
 
 
@@ -63,8 +63,14 @@ class MotionController:
         self._carries = False
 
     def start(
-        self, theta: Triple, goal: Goal, settings: ControlSettings, *, carries: bool = False, omega: Triple = STILL
-    ) -> Triple:
+        self,
+        theta: JointVector,
+        goal: Goal,
+        settings: ControlSettings,
+        *,
+        carries: bool = False,
+        omega: JointVector = STILL,
+    ) -> JointVector:
         """Starts a path with its first sample; the blocks keep no state of earlier motions.
 
         Args:
@@ -81,7 +87,13 @@ class MotionController:
         return (v_1, v_2, v_3)
 
     def prepare(
-        self, theta: Triple, goal: Goal, settings: ControlSettings, *, carries: bool = False, omega: Triple = STILL
+        self,
+        theta: JointVector,
+        goal: Goal,
+        settings: ControlSettings,
+        *,
+        carries: bool = False,
+        omega: JointVector = STILL,
     ) -> None:
         """Prepares the blocks for the first sample of a path.
 
@@ -109,7 +121,7 @@ class MotionController:
             self._remember(theta, omega)
         self._carries = carries
 
-    def go(self, theta: Triple, goal: Goal) -> Triple:
+    def go(self, theta: JointVector, goal: Goal) -> JointVector:
         """Starts another path with its first sample, and keeps what the blocks have learned on the way.
 
         Args:
@@ -126,22 +138,22 @@ class MotionController:
         v_1, v_2, v_3 = self._exchange((*theta, True, self._carries))
         return (v_1, v_2, v_3)
 
-    def step(self, theta: Triple) -> Triple:
+    def step(self, theta: JointVector) -> JointVector:
         """Voltages of joints 1 to 3 (V) that answer the next sample of the angles (rad)."""
         v_1, v_2, v_3 = self._exchange((*theta, False, self._carries))
         return (v_1, v_2, v_3)
 
-    def path(self) -> Triple:
+    def path(self) -> JointVector:
         """Desired angles of the path at the last step, rad."""
         theta_1, theta_2, theta_3 = self._path()
         return (theta_1, theta_2, theta_3)
 
-    def target(self) -> Triple:
+    def target(self) -> JointVector:
         """Angles at which the path ends, rad."""
         theta_1, theta_2, theta_3 = self._target()
         return (theta_1, theta_2, theta_3)
 
-    def point(self, name: str) -> Triple | None:
+    def point(self, name: str) -> JointVector | None:
         """The angles (rad) of a point that the planner knows by its name, such as `above pickup`; None if it does
         not."""
         self.prepare(STILL, STILL, self._settings or ControlSettings())
@@ -159,7 +171,7 @@ class MotionController:
         for name, angle in zip(PATH_END, goal, strict=True):
             self.resource.write(name, angle)
 
-    def _remember(self, theta: Triple, omega: Triple) -> None:
+    def _remember(self, theta: JointVector, omega: JointVector) -> None:
         """Gives controller and observer the samples before, from which they compute a velocity."""
         write = self.resource.write
         write("CONTROLLER.RUNNING", True)

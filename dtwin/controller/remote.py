@@ -7,7 +7,7 @@ from typing import Final, Protocol
 
 from dtwin.controller.ports import EMULATOR, received_voltages, sensor_values
 from dtwin.errors import CommunicationError
-from dtwin.parameters import Triple
+from dtwin.parameters import JointVector
 from dtwin.signals import Event, Sensors, Voltages
 from iec61499.net.address import StreamAddress
 from iec61499.net.client import BlockingClient
@@ -22,7 +22,7 @@ class Shadow(Protocol):
     def step(self, sensors: Sensors) -> Voltages:
         """The command that answers a sample."""
 
-    def target(self) -> Triple:
+    def target(self) -> JointVector:
         """Desired angles of the path at the last step, rad."""
 
     def drain_events(self) -> list[Event]:
@@ -78,7 +78,7 @@ class RemoteController:
         self.largest_difference = max(self.largest_difference, apart)
         return command
 
-    def target(self) -> Triple:
+    def target(self) -> JointVector:
         """Desired angles of the path at the last step, rad."""
         return self._shadow.target()
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import Final, Literal, get_args
 
 from dtwin.errors import ParameterError
-from dtwin.parameters import Triple
+from dtwin.parameters import JointVector, every_joint
 from dtwin.task import DEFAULT_TASK, MOST_PLACES, Task
 from iec61499.mapping import configured
 from iec61499.model import System
@@ -53,7 +53,7 @@ class SequenceSettings:
         for number in range(1, MOST_PLACES + 1):
             found = destinations[number - 1] if number <= len(destinations) else None
             values[f"SEQUENCE.PLACE{number}"] = found.colour if found else ""
-            values |= _angles(f"SEQUENCE.PLACE{number}_", found.place.theta if found else (0.0, 0.0, 0.0))
+            values |= _angles(f"SEQUENCE.PLACE{number}_", found.place.theta if found else every_joint(0.0))
         return values
 
     def differing(self, found: Mapping[str, InputValue]) -> set[str]:
@@ -61,7 +61,7 @@ class SequenceSettings:
         return {name for name, value in self.inputs().items() if not _same(value, found[name])}
 
 
-def _angles(name: str, theta: Triple) -> dict[str, InputValue]:
+def _angles(name: str, theta: JointVector) -> dict[str, InputValue]:
     return {f"{name}{joint}": angle for joint, angle in enumerate(theta, 1)}
 
 

@@ -5,11 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Final, get_args
+from typing import Annotated, Final, get_args
 
 from dtwin.controller.ports import CONFIRM, OFFSETS, PAYLOAD, REPEATS, WIDENED
 from dtwin.errors import ParameterError, choices
-from dtwin.parameters import ArmParameters, Gains, Law, PayloadModel, Triple
+from dtwin.parameters import (
+    JOINTS,
+    ONE_A_JOINT,
+    ArmParameters,
+    CellJoints,
+    Gains,
+    JointVector,
+    Law,
+    PayloadModel,
+    every_joint,
+)
 
 DIGITS: Final = 1e-14
 """Relative difference between a number and the 15 digits of it that a FORTE writes."""
@@ -19,7 +29,7 @@ _OF_JOINTS: Final = tuple(
     f"CONTROLLER.{name}{joint}" for name in ("KP", "KI", "KD", *"KMILCD", "MU") for joint in (1, 2, 3)
 )
 _NEEDED: Final[dict[Law, PayloadModel]] = {"computed_torque": "point", "row_sum": "weight", "cascade": "point"}
-_NO_GAIN: Final[Triple] = (0.0, 0.0, 0.0)
+_NO_GAIN: Final[JointVector] = every_joint(0.0)
 _THESIS: Final = Gains((200.0, 500.0, 300.0), (75.0, 200.0, 150.0), (2.0, 2.0, 2.0))
 USUAL_GAINS: Final[dict[Law, Gains]] = {
     "computed_torque": _THESIS,
@@ -44,13 +54,15 @@ CONFIRMED: Final = 2
 """Samples by which the cascade knows another arm from a burst of wild readings, after the first one of it."""
 RESTLESS: Final = 5.0
 """Factor on the tolerance with which the cascade takes an arm for settled that does not come to rest."""
-NO_OFFSET: Final[Triple] = (0.0, 0.0, 0.0)
+NO_OFFSET: Final[JointVector] = every_joint(0.0)
 """Offsets of encoders that read what the angles are, rad."""
 APPLICATION_LAW: Final[Law] = "cascade"
 """The law of a cell for which no other is asked; settings without a law have the thesis's computed torque."""
 
 
-def usual_gains(law: Law, kp: Triple | None = None, ki: Triple | None = None, kd: Triple | None = None) -> Gains:
+def usual_gains(
+    law: Law, kp: JointVector | None = None, ki: JointVector | None = None, kd: JointVector | None = None
+) -> Gains:
     """The usual gains of a control law, but for those that are given.
 
     Args:
@@ -85,7 +97,7 @@ class Compensation:
     delay: float = 0.01
     dead_zone: float = 0.0
     bandwidth: float = 100.0
-    repeats: tuple[int, int, int] = (0, 0, 0)
+    repeats: Annotated[tuple[int, ...], ONE_A_JOINT] = (0,) * JOINTS
 
     def __post_init__(self) -> None:
         for name, (low, high, unit) in COMPENSATION_RANGES.items():
@@ -124,7 +136,7 @@ class ControlSettings:
     payload: float = 0.2
     payload_model: PayloadModel | None = None
     compensation: Compensation = field(default_factory=Compensation)
-    encoder_offset: Triple = NO_OFFSET
+    encoder_offset: CellJoints = NO_OFFSET
 
     def __post_init__(self) -> None:
         if self.law not in LAWS:
@@ -150,8 +162,8 @@ class ControlSettings:
     def inputs(self) -> dict[str, float | int]:
         """The values by the names of the block inputs, `BLOCK.INPUT`."""
         gains, model = self.gains, self.model
-        triples = (*gains.kp, *gains.ki, *gains.kd, *model.vector())
-        values: dict[str, float | int] = dict(zip(_OF_JOINTS, triples, strict=True))
+        vectors = (*gains.kp, *gains.ki, *gains.kd, *model.vector())
+        values: dict[str, float | int] = dict(zip(_OF_JOINTS, vectors, strict=True))
         values["CONTROLLER.LAW"] = LAWS.index(self.law)
         values[PAYLOAD] = self.payload
         values["CONTROLLER.WEIGHT_ONLY"] = self.box_counts == "weight"
@@ -175,18 +187,17 @@ class ControlSettings:
             ParameterError: a value is out of range.
         """
 
-        def triple(name: str) -> Triple:
-            first, second, third = (values[f"CONTROLLER.{name}{joint}"] for joint in (1, 2, 3))
-            return first, second, third
+        def joints(name: str) -> JointVector:
+            return tuple(values[f"CONTROLLER.{name}{joint}"] for joint in range(1, JOINTS + 1))
 
         law = round(values["CONTROLLER.LAW"])
         if law not in range(len(LAWS)):
             raise ParameterError(f"CONTROLLER.LAW: expected 0 to {len(LAWS) - 1}, got {law}")
         return cls(
             values["PLANNER.T"],
-            Gains(triple("KP"), triple("KI"), triple("KD")),
+            Gains(joints("KP"), joints("KI"), joints("KD")),
             LAWS[law],
-            ArmParameters(*map(triple, (*"KMILCD", "MU"))),
+            ArmParameters(*map(joints, (*"KMILCD", "MU"))),
             values[PAYLOAD],
             "weight" if values["CONTROLLER.WEIGHT_ONLY"] else "point",
             Compensation(

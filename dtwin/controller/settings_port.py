@@ -12,7 +12,7 @@ from typing import Protocol
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.ports import ARM_MODEL, GAINS, MODEL, OFFSETS, PAYLOAD, TUNING
 from dtwin.controller.settings import ControlSettings
-from dtwin.parameters import ArmParameters, Gains, Triple
+from dtwin.parameters import ArmParameters, Gains, JointVector
 
 
 class SettingsPort(Protocol):
@@ -27,7 +27,7 @@ class SettingsPort(Protocol):
     def write_payload(self, mass: float) -> ControlSettings:
         """Puts an assumed mass of a box (kg) into force from the next tick."""
 
-    def write_offsets(self, offsets: Triple) -> ControlSettings:
+    def write_offsets(self, offsets: JointVector) -> ControlSettings:
         """Puts known offsets of the encoders (rad) into force; what is taken off follows them by small steps."""
 
     def read_back(self) -> ControlSettings:
@@ -66,7 +66,7 @@ class EmbeddedPort:
         self._resource.write(PAYLOAD, mass)
         return self.read_back()
 
-    def write_offsets(self, offsets: Triple) -> ControlSettings:
+    def write_offsets(self, offsets: JointVector) -> ControlSettings:
         """Puts known offsets of the encoders (rad) into force; what is taken off follows them by small steps."""
         for name, offset in zip(OFFSETS, offsets, strict=True):
             self._resource.write(name, offset)

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
 import mujoco
 import numpy as np
 
-from dtwin.emulation.model import ACTUATORS, JOINTS, LINKS, named_spec, one_line
+from dtwin.emulation.model import ACTUATORS, JOINT_NAMES, LINKS, named_spec, one_line
 from dtwin.errors import ModelError
-from dtwin.parameters import PICKUP, PLACES, ArmParameters, GripperParameters, Triple
+from dtwin.parameters import PICKUP, PLACES, ArmParameters, GripperParameters, joint_vector
 
 _NEAR: Final = 1e-3
 """Distance within which a place of the file counts as that of the cell, m."""
@@ -35,25 +34,20 @@ def read_arm(file: Path) -> ArmParameters:
         raise ModelError(one_line(file, str(error))) from None
     _check_gripper(file, model)
     _check_places(file, model)
-    joints = [model.joint(name) for name in JOINTS[:3]]
+    joints = [model.joint(name) for name in JOINT_NAMES[:3]]
     links = [model.body(name) for name in LINKS]
     beyond = [*links[1:], model.body("tip")]
     return ArmParameters(
-        voltage_constant=_triple(model.actuator(name).gainprm[0] for name in ACTUATORS[:3]),
-        mass=_triple(link.mass[0] for link in links),
-        inertia=_triple(
+        voltage_constant=joint_vector(model.actuator(name).gainprm[0] for name in ACTUATORS[:3]),
+        mass=joint_vector(link.mass[0] for link in links),
+        inertia=joint_vector(
             _inertia_about(model, link.id, joint.axis) for link, joint in zip(links, joints, strict=True)
         ),
-        length=_triple(body.pos[0] for body in beyond),
-        com=_triple(link.ipos[0] for link in links),
-        damping=_triple(joint.damping[0] for joint in joints),
-        coulomb=_triple(joint.frictionloss[0] for joint in joints),
+        length=joint_vector(body.pos[0] for body in beyond),
+        com=joint_vector(link.ipos[0] for link in links),
+        damping=joint_vector(joint.damping[0] for joint in joints),
+        coulomb=joint_vector(joint.frictionloss[0] for joint in joints),
     )
-
-
-def _triple(values: Iterable[float]) -> Triple:
-    first, second, third = map(float, values)
-    return first, second, third
 
 
 def _inertia_about(model: mujoco.MjModel, body: int, axis: np.ndarray) -> float:
@@ -66,7 +60,7 @@ def _inertia_about(model: mujoco.MjModel, body: int, axis: np.ndarray) -> float:
 
 def _check_gripper(file: Path, model: mujoco.MjModel) -> None:
     gripper = GripperParameters()
-    joint = model.joint(JOINTS[3])
+    joint = model.joint(JOINT_NAMES[3])
     for name, found, expected in (
         ("inertia", joint.armature[0], gripper.inertia),
         ("damping", joint.damping[0], gripper.damping),

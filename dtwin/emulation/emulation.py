@@ -24,8 +24,15 @@ from dtwin.emulation.stands import check_task
 from dtwin.emulation.states import EmulationState as EmulationState
 from dtwin.emulation.states import Free as Free
 from dtwin.errors import FaultError, ParameterError
-from dtwin.parameters import HANGING, PERIOD, PHYSICS_STEP, ArmParameters, GripperParameters, Triple
-from dtwin.signals import NO_COLOUR, BoxCounts, Event, EventKind, Quad, Sensors, Truth, Voltages
+from dtwin.parameters import (
+    HANGING,
+    PERIOD,
+    PHYSICS_STEP,
+    ArmParameters,
+    GripperParameters,
+    JointVector,
+)
+from dtwin.signals import NO_COLOUR, BoxCounts, DriveVector, Event, EventKind, Sensors, Truth, Voltages
 from dtwin.task import DEFAULT_TASK, Task
 
 _EXACT = np.full((1000, 4), -0.0)
@@ -67,7 +74,7 @@ class Emulation:
         noise_kind: NoiseKind = "uniform",
         seed: int = 0,
         faults: Iterable[Fault] = (),
-        theta: Triple = HANGING,
+        theta: JointVector = HANGING,
         model_file: Path = MODEL_FILE,
         step: float = PHYSICS_STEP,
         task: Task = DEFAULT_TASK,
@@ -99,7 +106,7 @@ class Emulation:
         self._plant.reset(theta)
         self._events: list[Event] = []
         self._gripped = False
-        self._commanded: Quad = (0.0, 0.0, 0.0, 0.0)
+        self._commanded: DriveVector = (0.0, 0.0, 0.0, 0.0)
         self._sequence = 0
         self._due = NEVER
         self._change_due()
@@ -206,10 +213,9 @@ class Emulation:
         self._boxes.bring(round(100 * self._plant.time) + 1, box)
         self._due = min(self._due, self._steps_to(self._boxes.next_arrival))
 
-    def disturb(self, torques: Triple) -> None:
-        """Pushes joints 1 to 3 with torques (N m) from outside until the next call, beside the pushes of faults."""
-        first, second, third = (a + b for a, b in zip(self._condition.push, torques, strict=True))
-        self._plant.set_push((first, second, third))
+    def disturb(self, torques: JointVector) -> None:
+        """Pushes the joints with torques (N m) from outside until the next call, beside the pushes of faults."""
+        self._plant.set_push(tuple(a + b for a, b in zip(self._condition.push, torques, strict=True)))
 
     def truth(self) -> Truth:
         """The true state of the plant, as opposed to what the sensors say."""
@@ -281,12 +287,12 @@ class Emulation:
 
     def _sample(self) -> None:
         time = self._plant.time
-        first, second, third, gripper = self._encoders.measure(self._plant.sampled, time)
+        *theta, gripper = self._encoders.measure(self._plant.sampled, time)
         waiting = self._boxes.waiting
         self._sensors = Sensors(
             self._sequence,
             time,
-            (first, second, third),
+            tuple(theta),
             gripper,
             waiting is not None,
             waiting.colour if waiting else NO_COLOUR,

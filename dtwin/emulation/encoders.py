@@ -11,7 +11,7 @@ import msgspec
 from dtwin.emulation.generators import generator_state, set_generator_state
 from dtwin.emulation.machine.encoding import Encoding, EncodingState
 from dtwin.errors import ParameterError, choices
-from dtwin.parameters import Triple
+from dtwin.parameters import CellJoints, every_joint
 
 if TYPE_CHECKING:
     import numpy as np
@@ -30,10 +30,10 @@ class EncoderFaults:
     The offset is in rad, the rate in rad/s, t is the plant time in s; the numbers of stopped encoders are 1 to 3.
     """
 
-    offset: Triple = (0.0, 0.0, 0.0)
-    rate: Triple = (0.0, 0.0, 0.0)
+    offset: CellJoints = every_joint(0.0)
+    rate: CellJoints = every_joint(0.0)
     frozen: frozenset[int] = frozenset()
-    scale: Triple = (1.0, 1.0, 1.0)
+    scale: CellJoints = every_joint(1.0)
 
 
 HEALTHY: Final = EncoderFaults()

@@ -26,8 +26,8 @@ from typing import Final
 
 from dtwin.emulation.encoders import HEALTHY, EncoderFaults
 from dtwin.errors import FaultError, ParameterError, choices
-from dtwin.parameters import PARAMETER_NAMES, ArmParameters, Triple
-from dtwin.signals import LATEST, Quad
+from dtwin.parameters import PARAMETER_NAMES, ArmParameters, CellJoints, every_joint
+from dtwin.signals import LATEST, DriveVector
 from dtwin.task import BoxStream
 
 GRAMMAR: Final = "TARGET [*=|+=|= NUMBER] @ START [- END], as in K2*=0.1@45, D1+=0.05@30-60, freeze2@30 or slip@30"
@@ -159,13 +159,13 @@ class Condition:
     pad_offset: float = 0.0
     supply: float = 1.0
     late: bool = False
-    push: Triple = (0.0, 0.0, 0.0)
+    push: CellJoints = every_joint(0.0)
 
     def pad_friction(self, healthy: float) -> float:
         """Coefficient of friction of the pads whose healthy one is given."""
         return self.pad_factor * healthy + self.pad_offset
 
-    def arriving(self, volts: Quad) -> Quad:
+    def arriving(self, volts: DriveVector) -> DriveVector:
         """Voltages that reach the motors of commanded ones, V."""
         if not self.cut and self.supply == 1.0:
             return volts

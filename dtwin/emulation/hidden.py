@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from dtwin.emulation.contact.touch import Touch
-from dtwin.parameters import Triple
+from dtwin.parameters import JointVector
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,9 +18,9 @@ class Drives:
         motors: angles of the motors as seen at the joints, rad.
     """
 
-    volts: Triple
-    friction: Triple
-    motors: Triple
+    volts: JointVector
+    friction: JointVector
+    motors: JointVector
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ from dtwin.emulation.contact.bodies import Bodies
 from dtwin.errors import ModelError, choices
 
 LINKS: Final = ("link_1", "link_2", "link_3")
-JOINTS: Final = ("joint_1", "joint_2", "joint_3", "gripper")
+JOINT_NAMES: Final = ("joint_1", "joint_2", "joint_3", "gripper")
 ACTUATORS: Final = ("motor_1", "motor_2", "motor_3", "motor_gripper")
 SENSORS: Final = ("theta_1", "theta_2", "theta_3", "omega_1", "omega_2", "omega_3", "gripper")
 SITES: Final = ("tip", "pickup", "blue", "red", "green")
@@ -78,7 +78,7 @@ def compile_arm(
         model = spec.compile()
         joints = tuple(model.joint(i).name for i in range(model.njnt))
         actuators = tuple(model.actuator(i).name for i in range(model.nu))
-        for kind, found, expected in (("joint", joints, JOINTS), ("actuator", actuators, ACTUATORS)):
+        for kind, found, expected in (("joint", joints, JOINT_NAMES), ("actuator", actuators, ACTUATORS)):
             if found != expected:
                 raise ModelError(f"{file}: {kind}s are {', '.join(found)}, expected exactly {', '.join(expected)}")
         if extend:
@@ -101,7 +101,7 @@ def named_spec(file: Path) -> mujoco.MjSpec:
     except ValueError as error:
         raise ModelError(one_line(file, str(error))) from None
     require(file, "body", spec.bodies, (*LINKS, "jaw", "tip"))
-    require(file, "joint", spec.joints, JOINTS)
+    require(file, "joint", spec.joints, JOINT_NAMES)
     require(file, "actuator", spec.actuators, ACTUATORS)
     require(file, "sensor", spec.sensors, SENSORS)
     require(file, "site", spec.sites, SITES)

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.emulation import MODEL_FILE
-from dtwin.emulation.model import ACTUATORS, JOINTS, LINKS
+from dtwin.emulation.model import ACTUATORS, JOINT_NAMES, LINKS
 from dtwin.errors import DtwinError
 from dtwin.parameters import PARAMETER_NAMES, PERIOD, PHYSICS_STEP, VOLTAGE_LIMIT, ArmParameters
 
@@ -157,6 +157,6 @@ def _set(spec: Any, name: str, value: float) -> None:
     elif symbol == "l":
         spec.body((*LINKS[1:], "tip")[joint - 1]).pos = (value, 0.0, 0.0)
     elif symbol == "D":
-        spec.joint(JOINTS[joint - 1]).damping[0] = value
+        spec.joint(JOINT_NAMES[joint - 1]).damping[0] = value
     else:
         spec.actuator(ACTUATORS[joint - 1]).gainprm[0] = value

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.errors import DtwinError, ParameterError, choices
-from dtwin.parameters import ArmParameters, Triple
+from dtwin.parameters import ArmParameters, Point
 from dtwin.task import RGB, Task
 
 NO_GL: Final = (
@@ -47,7 +47,7 @@ class DrawnBox:
     """
 
     rgb: RGB
-    position: Triple | None = None
+    position: Point | None = None
 
 
 def renderer_of(model: mujoco.MjModel, width: int, height: int) -> mujoco.Renderer:

@@ -25,8 +25,17 @@ from dtwin.emulation.contact.bodies import Bodies
 from dtwin.emulation.model import LINKS, compile_arm, ideal_arm
 from dtwin.emulation.stepping import STEP, Stepping
 from dtwin.errors import DivergenceError, ParameterError
-from dtwin.parameters import COULOMB_WIDTH, GRAVITY, PHYSICS_STEP, ArmParameters, GripperParameters, Triple
-from dtwin.signals import Quad
+from dtwin.parameters import (
+    COULOMB_WIDTH,
+    GRAVITY,
+    JOINTS,
+    PHYSICS_STEP,
+    ArmParameters,
+    GripperParameters,
+    JointVector,
+    every_joint,
+)
+from dtwin.signals import CellDrives, DriveVector
 
 _GRIPPER: Final = 3
 _UP: Final = 2
@@ -54,7 +63,7 @@ class PlantState(msgspec.Struct, frozen=True):
 
     steps: int
     values: list[float]
-    pending: list[tuple[int, Quad]] = []
+    pending: list[tuple[int, CellDrives]] = []
     sampled: list[float] = []
 
 
@@ -86,7 +95,7 @@ class Plant:
 
     _unused: ClassVar = mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     """Parts of MuJoCo that the model does without."""
-    _armature: Triple = (0.0, 0.0, 0.0)
+    _armature: JointVector = every_joint(0.0)
     """Inertia of the rotors on the joints, kg m^2."""
 
     def __init__(
@@ -129,7 +138,7 @@ class Plant:
         self.model.dof_damping[_GRIPPER] = gripper.damping
         self.model.actuator_gainprm[_GRIPPER, 0] = gripper.voltage_constant
         self.set_parameters(parameters or ArmParameters())
-        self.reset((0.0, 0.0, 0.0))
+        self.reset(every_joint(0.0))
 
     def set_parameters(self, parameters: ArmParameters) -> None:
         """Sets the parameters of the arm from now on; state, payload and locks stay."""
@@ -177,11 +186,11 @@ class Plant:
                 self._qvel[i] = 0.0
         mujoco.mj_setConst(self.model, self._scratch)
 
-    def set_push(self, torques: Triple) -> None:
+    def set_push(self, torques: JointVector) -> None:
         """Pushes joints 1 to 3 with torques (N m) from outside; `reset` ends that."""
         self.data.qfrc_applied[:3] = torques
 
-    def reset(self, theta: Triple, omega: Triple = (0.0, 0.0, 0.0)) -> None:
+    def reset(self, theta: JointVector, omega: JointVector = every_joint(0.0)) -> None:
         """Starts again at time 0 from angles (rad) and velocities (rad/s), gripper open, all voltages 0."""
         mujoco.mj_resetData(self.model, self.data)
         if self.bodies:
@@ -210,7 +219,7 @@ class Plant:
         self.steps = state.steps
         self._read()
 
-    def apply(self, volts: Quad) -> None:
+    def apply(self, volts: DriveVector) -> None:
         """Sets the voltages (V) of motors 1 to 3 and of the gripper until the next call.
 
         Raises:
@@ -224,7 +233,7 @@ class Plant:
         ctrl[2] = v3
         ctrl[3] = v4
 
-    def check(self, volts: Quad) -> None:
+    def check(self, volts: DriveVector) -> None:
         """Checks that voltages (V) can be a command.
 
         Raises:
@@ -308,12 +317,12 @@ class Plant:
         return self.angles
 
     @property
-    def theta(self) -> Triple:
+    def theta(self) -> JointVector:
         """Joint angles, rad."""
         return self.angles[0], self.angles[1], self.angles[2]
 
     @property
-    def omega(self) -> Triple:
+    def omega(self) -> JointVector:
         """Joint velocities, rad/s."""
         return self._speeds[0], self._speeds[1], self._speeds[2]
 
@@ -328,7 +337,7 @@ class Plant:
         x, _, z = self.data.xpos[self._tip].tolist()
         return x, z
 
-    def acceleration(self, theta: Triple, omega: Triple, volts: Quad) -> Triple:
+    def acceleration(self, theta: JointVector, omega: JointVector, volts: DriveVector) -> JointVector:
         """Joint accelerations (rad/s^2) for given angles (rad), velocities (rad/s) and voltages (V).
 
         The state of the plant does not change.
@@ -340,8 +349,7 @@ class Plant:
         data.ctrl[:] = volts
         with self._friction():
             mujoco.mj_forward(self.model, data)
-        first, second, third = data.qacc[:3].tolist()
-        return first, second, third
+        return tuple(data.qacc[:JOINTS].tolist())
 
     def _integrate(self, steps: int) -> None:
         """Steps MuJoCo."""

@@ -14,7 +14,7 @@ import mujoco
 from dtwin.emulation.contact.clearance import Clearance
 from dtwin.emulation.model import named_spec, one_line, require
 from dtwin.errors import ModelError, ParameterError
-from dtwin.parameters import GripperParameters, Triple
+from dtwin.parameters import GripperParameters, JointVector
 from dtwin.task import DEFAULT_TASK, PICKUP_NAME, BoxStream, Destination, Task
 
 GAP: Final = 0.001
@@ -116,7 +116,7 @@ def check_task(task: Task, model_file: Path, contact: bool) -> None:
             _check_pose(shapes, task, name, place.theta, angle, carries)
 
 
-def _check_pose(shapes: Clearance, task: Task, name: str, theta: Triple, gripper: float, carries: bool) -> None:
+def _check_pose(shapes: Clearance, task: Task, name: str, theta: JointVector, gripper: float, carries: bool) -> None:
     others = [other for other in task.all_places if other != name]
     found = shapes.nearest(theta, gripper, carries, others)
     own = shapes.among_links()

@@ -12,7 +12,7 @@ from dtwin.emulation.boxes import BoxesState
 from dtwin.emulation.contact.boxes import BodiesState
 from dtwin.emulation.encoders import EncodersState
 from dtwin.emulation.plant import PlantState
-from dtwin.signals import Quad, Sensors
+from dtwin.signals import CellDrives, Sensors
 
 
 class EmulationState(msgspec.Struct, frozen=True):
@@ -36,7 +36,7 @@ class EmulationState(msgspec.Struct, frozen=True):
     encoders: EncodersState
     boxes: BoxesState
     bodies: BodiesState | None = None
-    commanded: Quad = (0.0, 0.0, 0.0, 0.0)
+    commanded: CellDrives = (0.0, 0.0, 0.0, 0.0)
 
 
 class Free(NamedTuple):

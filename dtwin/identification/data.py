@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dtwin.errors import IdentificationError, ParameterError
-from dtwin.parameters import HOME, PERIOD, PayloadModel, Triple
+from dtwin.parameters import HOME, PERIOD, CellJoints, PayloadModel, every_joint, joint_vector
 from dtwin.twin.rollout import checked_payload
 
 if TYPE_CHECKING:
@@ -34,8 +34,8 @@ class Start:
         known: whether the state is known; otherwise the fit estimates all six values.
     """
 
-    theta: Triple = HOME
-    omega: Triple = (0.0, 0.0, 0.0)
+    theta: CellJoints = HOME
+    omega: CellJoints = every_joint(0.0)
     known: bool = True
 
 
@@ -82,8 +82,7 @@ class Experiment:
             )
         masses = checked_payload(payload, len(angles))
         if start is None:
-            first, second, third = angles[0].tolist()
-            start = Start((first, second, third), known=False)
+            start = Start(joint_vector(angles[0]), known=False)
         for name, value in (
             ("measured", angles),
             ("volts", commands),

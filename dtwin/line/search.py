@@ -14,8 +14,6 @@ from typing import Any, Final, NamedTuple
 from dtwin.controller.ports import BLOCKS
 from dtwin.controller.runtime import Blocks, running
 from dtwin.errors import DtwinError
-from dtwin.line.line import Line
-from dtwin.line.system import router_inputs
 from iec61499.library import Library
 from iec61499.model import Block, Connection, FBNetwork, Parameter
 from iec61499.native.resource import NativeResource
@@ -233,15 +231,3 @@ def _has_circle(moves: Sequence[Sequence[int]]) -> bool:
                 colour[following] = 1
                 stack.append((following, iter(moves[following])))
     return False
-
-
-def search_line(line: Line, ahead: int = 1) -> dict[str, Found]:
-    """The search of every zone of a line, by its name."""
-    found = {}
-    for number, zone in enumerate(line.zones):
-        track = zone.track
-        docks = [line.entry(number), line.exit(number), *(station.node for station in zone.stations)]
-        homes = [track.number(vehicle.home) for vehicle in zone.vehicles]
-        goals = [track.number(dock) for dock in docks]
-        found[zone.name] = search(router_inputs(line, number), homes, goals, ahead)
-    return found

@@ -32,7 +32,7 @@ from dtwin.line.line import StationPlan
 from dtwin.line.system import task_of
 from dtwin.logs.collecting import RunLog
 from dtwin.logs.log import Log
-from dtwin.parameters import PERIOD, ArmParameters, Triple
+from dtwin.parameters import PERIOD, ArmParameters, joint_vector
 from dtwin.run.cell_file import CellFile, cell_of
 from dtwin.run.loop import run
 from dtwin.run.machine_code.cell import CompiledTicks
@@ -168,7 +168,7 @@ class EmulatedStation:
     def points(self, every: int) -> Points:
         """Where its joints and its tool were as its encoders read, in every so-manieth tick."""
         log = self.log.freeze()
-        flat = [joint_positions(_triple(theta), self.arm) for theta in log.angles()[::every]]
+        flat = [joint_positions(joint_vector(theta), self.arm) for theta in log.angles()[::every]]
         return Points(log.columns["t"][::every], np.insert(np.reshape(flat, (-1, 4, 2)), 1, 0.0, axis=2))
 
     def apply(self, given: Input) -> None:
@@ -220,11 +220,6 @@ class EmulatedStation:
                 self._arm = FREE
         (stop,) = self._stop()
         return Report(self._arm, stop, tuple(events))
-
-
-def _triple(values: NDArray[np.float64]) -> Triple:
-    first, second, third = values.tolist()
-    return first, second, third
 
 
 def replayed(plan: StationPlan, inputs: Iterable[Input], ticks: int) -> Log:

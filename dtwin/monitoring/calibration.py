@@ -48,7 +48,7 @@ from dtwin.monitoring.sensing.commands import closes
 from dtwin.monitoring.settings import MonitorSettings
 from dtwin.monitoring.signatures import limits
 from dtwin.monitoring.tracking.samples import Tape
-from dtwin.parameters import GRAVITY, PERIOD, ArmParameters, Triple
+from dtwin.parameters import GRAVITY, PERIOD, ArmParameters, JointVector, joint_vector
 
 Flags = NDArray[np.bool_]
 
@@ -190,9 +190,9 @@ def _chosen(belief: Belief, seen: Stream, progress: Callable[[str], None]) -> Un
     for _ in range(_ROUNDS):
         lacking = _pass(replace(belief, error=error), seen)
         error = replace(error, slow=lacking.slow)
-    choices: dict[str, Sequence[float | Triple]] = {
-        "slow": [_triple(share * np.array(lacking.slow)) for share in SHARES],
-        "compliance": [_triple(more * np.array(lacking.compliance)) for more in COMPLIANCES],
+    choices: dict[str, Sequence[float | JointVector]] = {
+        "slow": [joint_vector(share * np.array(lacking.slow)) for share in SHARES],
+        "compliance": [joint_vector(more * np.array(lacking.compliance)) for more in COMPLIANCES],
         "displacement": DISPLACEMENTS,
         "stick": STICKING,
         "memory": MEMORIES,
@@ -224,7 +224,7 @@ def _tried(belief: Belief, seen: Stream, error: Unmodelled, progress: Callable[[
     return _Choice(chance, error)
 
 
-def compliances(values: Triple) -> str:
+def compliances(values: JointVector) -> str:
     """Compliances (rad/(N m)) for people, in mrad/(N m)."""
     return ", ".join(f"{1e3 * value:.2g}" for value in values)
 
@@ -292,8 +292,8 @@ class _Lacking(NamedTuple):
     """Root mean squares of the torques that last, (3,), N m, and the angles by which the gears swing on average after
     jumps of the torque, (3,), rad/(N m)."""
 
-    slow: Triple
-    compliance: Triple
+    slow: JointVector
+    compliance: JointVector
 
 
 def _pass(belief: Belief, seen: Stream) -> _Lacking:
@@ -329,12 +329,7 @@ def _pass(belief: Belief, seen: Stream) -> _Lacking:
     swings, errors = np.array(pairs).transpose(1, 0, 2)
     swings -= swings.mean(axis=0)
     slope = np.sum(swings * errors, axis=0) / np.maximum(np.sum(swings**2, axis=0), _TINY)
-    return _Lacking(_triple(np.sqrt(squares / counted)), _triple(np.sqrt(np.maximum(slope, 0.0))))
-
-
-def _triple(values: Array) -> Triple:
-    first, second, third = values.tolist()
-    return first, second, third
+    return _Lacking(joint_vector(np.sqrt(squares / counted)), joint_vector(np.sqrt(np.maximum(slope, 0.0))))
 
 
 def _after(belief: Belief, seen: Stream) -> Belief:

@@ -19,7 +19,7 @@ from dtwin.controller.settings import ControlSettings
 from dtwin.errors import ParameterError
 from dtwin.monitoring.kinds import UNKNOWN, FaultId
 from dtwin.monitoring.verdict import Finding, finding, monitored_units
-from dtwin.parameters import COULOMB_WIDTH, PERIOD, ArmParameters, Triple
+from dtwin.parameters import COULOMB_WIDTH, PERIOD, ArmParameters, joint_vector
 from dtwin.signals import Event
 from dtwin.task import DEFAULT_TASK, PICKUP_NAME, Task
 from dtwin.twin.dynamics import integrate
@@ -117,13 +117,13 @@ class ThesisMonitor:
             self.missed += gap - 1
             for _ in range(gap - 1):
                 self._advance()
-                self._volts[0] = self._controller.step(_triple(self.simulated))
+                self._volts[0] = self._controller.step(joint_vector(self.simulated))
             self._advance()
         self.sample = sample
         if first or gripped != self._gripped:
             self._initialise(measured, gripped, colour if gripped else PICKUP_NAME)
         else:
-            self._volts[0] = self._controller.step(_triple(self.simulated))
+            self._volts[0] = self._controller.step(joint_vector(self.simulated))
         if sample % self._every == 0:
             self._compare(measured)
 
@@ -154,7 +154,7 @@ class ThesisMonitor:
     def _initialise(self, measured: Array, gripped: bool, goal: str) -> None:
         self._states[0, :3], self._states[0, 3:] = measured, 0.0
         self._payload[0] = self.settings.control.payload if gripped else 0.0
-        self._volts[0] = self._controller.start(_triple(measured), goal, self.settings.control, carries=gripped)
+        self._volts[0] = self._controller.start(joint_vector(measured), goal, self.settings.control, carries=gripped)
         self._gripped = gripped
 
     def _advance(self) -> None:
@@ -183,8 +183,3 @@ def _divides(part: float, whole: float) -> bool:
         return False
     ratio = whole / part
     return abs(ratio - round(ratio)) < 1e-6 * ratio
-
-
-def _triple(values: Array) -> Triple:
-    first, second, third = values.tolist()
-    return first, second, third

@@ -20,7 +20,7 @@ from dtwin.bus.twin_messages import (
 )
 from dtwin.errors import CommunicationError
 from dtwin.monitoring.kinds import parse_fault_id
-from dtwin.parameters import ArmParameters, Gains, Triple
+from dtwin.parameters import ArmParameters, Gains, JointVector
 from dtwin.recovery.answers import first_critical
 from dtwin.signals import RELEASED, ArmState, Event, EventKind
 
@@ -173,7 +173,7 @@ class Desk:
         target_time: float | None = None,
         model: ArmParameters | None = None,
         payload: float | None = None,
-        encoder_offset: Triple | None = None,
+        encoder_offset: JointVector | None = None,
         arm: ArmParameters | None = None,
     ) -> Upload:
         """Uploads settings, which are on trial afterwards, as soon as none are on trial any more.

@@ -21,7 +21,7 @@ from dtwin.controller.bounds import ENCODER_OFFSETS
 from dtwin.errors import ParameterError
 from dtwin.identification.machine.record import MachineRecord
 from dtwin.monitoring.kinds import parse_fault_id
-from dtwin.parameters import PARAMETER_NAMES, ArmParameters, Gains, Triple, scaled, symbol_of
+from dtwin.parameters import PARAMETER_NAMES, ArmParameters, Gains, JointVector, scaled, symbol_of
 from dtwin.recovery.answers import Measure
 from dtwin.recovery.desk import Desk, FindingWithdrawn
 from dtwin.recovery.explanation import TOO_WEAK, Outlook, TooWeak, certain, changed, changing, stopping
@@ -88,7 +88,7 @@ class Measures:
         self, desk: Desk, healthy: ArmParameters, record: MachineRecord | None = None, task: Task = DEFAULT_TASK
     ) -> None:
         self.boxes = usual_boxes(task)
-        self.offsets: list[tuple[float, Triple]] = []
+        self.offsets: list[tuple[float, JointVector]] = []
         self._desk = desk
         self._arm = self._healthy = healthy
         self._record = record
@@ -291,12 +291,11 @@ class Measures:
         offsets = list(before)
         for name, size in taken.items():
             offsets[joints[name]] += size
-        first, second, third = offsets
         if max(map(abs, offsets)) > ENCODER_OFFSETS[1]:
             raise TooWeak("an offset is too large to be taken off")
         why = ", ".join(f"{name} is {1e3 * size:+.2f} mrad" for name, size in taken.items())
-        upload = self._desk.upload(why, encoder_offset=(first, second, third), arm=self._arm)
-        self.offsets.append((upload.time, (first, second, third)))
+        upload = self._desk.upload(why, encoder_offset=tuple(offsets), arm=self._arm)
+        self.offsets.append((upload.time, tuple(offsets)))
         self._desk.confirm(upload)
         return upload
 

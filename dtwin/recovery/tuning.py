@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import Final, Literal, NamedTuple
 
 from dtwin.bus.twin_messages import PredictedMotion
-from dtwin.parameters import ArmParameters, Gains, Triple
+from dtwin.parameters import ArmParameters, Gains, JointVector
 from dtwin.recovery.strength import Strength
 
 SLOWER: Final = (1.0, 1.1, 1.25, 1.5, 2.0, 3.0)
@@ -151,12 +151,11 @@ def stiffened(gains: Gains, factor: float) -> Gains:
     return replace(gains, kp=times(factor, gains.kp), ki=times(factor, gains.ki))
 
 
-def times(factor: float, gains: Triple) -> Triple:
-    """The gains of three joints times a factor."""
-    first, second, third = gains
-    return factor * first, factor * second, factor * third
+def times(factor: float, gains: JointVector) -> JointVector:
+    """The gains of all joints times a factor."""
+    return tuple(factor * gain for gain in gains)
 
 
-def _seen(rms: Triple) -> float:
+def _seen(rms: JointVector) -> float:
     """Distance from the path with noise (rad) for one that is expected without."""
     return math.hypot(*rms, FLOOR)

@@ -14,7 +14,7 @@ import numpy as np
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.logs.collecting import RunLog
 from dtwin.logs.log import Log
-from dtwin.parameters import PERIOD, VOLTAGE_LIMIT, Triple
+from dtwin.parameters import PERIOD, VOLTAGE_LIMIT, CellJoints
 from dtwin.run.emulate import emulate
 from dtwin.run.hidden import HiddenLog
 from dtwin.run.loop import Controller, Pacer, run, tick_count
@@ -31,7 +31,7 @@ class Millimetres(msgspec.Struct, frozen=True):
 
 
 class PerJoint(msgspec.Struct, frozen=True):
-    max: Triple
+    max: CellJoints
 
 
 class RunSummary(msgspec.Struct, frozen=True):

@@ -19,7 +19,18 @@ from dtwin.emulation.faults import Fault, parse_fault
 from dtwin.emulation.machine.files import is_file as is_machine_file
 from dtwin.emulation.machine.sections import IDEAL
 from dtwin.errors import DtwinError, ModelError, ParameterError, choices
-from dtwin.parameters import GRAVITY, HANGING, ROOT, VOLTAGE_LIMIT, ArmParameters, Gains, Law, Place, Triple
+from dtwin.parameters import (
+    GRAVITY,
+    HANGING,
+    ROOT,
+    VOLTAGE_LIMIT,
+    ArmParameters,
+    CellJoints,
+    Gains,
+    JointVector,
+    Law,
+    Place,
+)
 from dtwin.task import DEFAULT_TASK, GREY, PICKUP_NAME, RGB, BoxStream, Destination, Task
 from dtwin.twin.kinematics import forward, joint_positions, nearest
 
@@ -70,7 +81,7 @@ class CellFile:
 class _Spot(msgspec.Struct, forbid_unknown_fields=True):
     x: float
     y: float
-    theta: Triple | None = None
+    theta: CellJoints | None = None
     elbow: Literal["up", "down"] | None = None
 
 
@@ -88,9 +99,9 @@ class _Boxes(msgspec.Struct, forbid_unknown_fields=True):
 class _Control(msgspec.Struct, forbid_unknown_fields=True):
     law: Law = APPLICATION_LAW
     target_time: float = 2.0
-    kp: Triple | None = None
-    ki: Triple | None = None
-    kd: Triple | None = None
+    kp: CellJoints | None = None
+    ki: CellJoints | None = None
+    kd: CellJoints | None = None
     payload: float | None = None
 
 
@@ -260,7 +271,7 @@ def _machine(text: Any, folder: Path) -> str:
     return str((folder / name).resolve()) if is_machine_file(name) else name
 
 
-def _place(where: str, spot: _Spot, near: Triple, boxes: BoxStream) -> Place:
+def _place(where: str, spot: _Spot, near: JointVector, boxes: BoxStream) -> Place:
     """The place with its angles, checked to be reached by an arm that can hold the heaviest box there.
 
     Args:
@@ -295,7 +306,7 @@ def _place(where: str, spot: _Spot, near: Triple, boxes: BoxStream) -> Place:
     return Place(spot.x, spot.y, theta)
 
 
-def holding(theta: Triple, arm: ArmParameters, load: float) -> Triple:
+def holding(theta: JointVector, arm: ArmParameters, load: float) -> JointVector:
     """Voltages with which joints 1 to 3 hold an arm still, V: the moments of all weights beyond a joint, over K.
 
     Args:
@@ -313,7 +324,7 @@ def holding(theta: Triple, arm: ArmParameters, load: float) -> Triple:
     for first, (x, _) in enumerate(points[:3]):
         beyond = (weights[0], *weights[1 + first :])
         moments.append(GRAVITY * sum(mass * (at - x) for mass, at in beyond) / arm.voltage_constant[first])
-    return moments[0], moments[1], moments[2]
+    return tuple(moments)
 
 
 def _rgb(name: str, text: str | None) -> RGB:

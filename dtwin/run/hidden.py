@@ -66,11 +66,6 @@ class HiddenLog:
             self._touches.append(hidden.touch)
 
     @property
-    def has_drives(self) -> bool:
-        """Whether there are drives that are not ideal."""
-        return bool(self._drives)
-
-    @property
     def has_touches(self) -> bool:
         """Whether there are bodies that touch."""
         return bool(self._touches)

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 from dtwin.errors import ParameterError
-from dtwin.parameters import PERIOD, Triple
+from dtwin.parameters import PERIOD, JointVector
 from dtwin.signals import Sensors, StepRecord, Truth, Voltages
 
 CHUNK = 100
@@ -43,7 +43,7 @@ class Controller(Protocol):
     def step(self, sensors: Sensors) -> Voltages:
         """The command that answers a sample."""
 
-    def target(self) -> Triple:
+    def target(self) -> JointVector:
         """Desired angles of the path at the last step, rad."""
 
 

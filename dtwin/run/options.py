@@ -14,7 +14,7 @@ from dtwin.emulation.faults import parse_fault
 from dtwin.emulation.machine.files import is_file, machine_of
 from dtwin.emulation.machine.sections import IDEAL, Machine
 from dtwin.errors import ParameterError
-from dtwin.parameters import PHYSICS_STEP, ArmParameters, Law, Triple, assignment
+from dtwin.parameters import PHYSICS_STEP, ArmParameters, CellJoints, Law, assignment
 from dtwin.run.cell_file import CellFile, cell_of
 from dtwin.run.cell_file import is_file as is_cell_file
 from dtwin.run.settings import CellSettings
@@ -159,7 +159,7 @@ class CompensationOptions:
     """Voltage lost in every amplifier, V, 0 to 1; the cascade adds it."""
     bandwidth: float = Compensation().bandwidth
     """Double pole of the cascade's observer, rad/s, 10 to 300."""
-    friction: Triple | None = None
+    friction: CellJoints | None = None
     """Coulomb friction of each joint that the cascade adds, N m, 0 to 5; that of the model if not given."""
 
     def compensation(self) -> Compensation:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from dtwin.controller.settings import NO_OFFSET, ControlSettings
 from dtwin.errors import DivergenceError, ModelError, ParameterError
 from dtwin.logs.log import Log
-from dtwin.parameters import PERIOD, ArmParameters, Triple
+from dtwin.parameters import PERIOD, ArmParameters, JointVector
 from dtwin.twin.effects import NO_EFFECTS, Effects
 from dtwin.twin.machine import machine_rollout, vector_of
 from dtwin.twin.rollout import rollout_ends
@@ -54,7 +54,7 @@ class BelievedArm:
 
     arm: ArmParameters = field(default_factory=ArmParameters)
     payload: float = ControlSettings().payload
-    offset: Triple = NO_OFFSET
+    offset: JointVector = NO_OFFSET
     effects: Effects = NO_EFFECTS
 
 

@@ -13,11 +13,11 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from typing import Any, Final, cast
+from typing import Any, Final
 
 from dtwin.controller.settings import LAWS
 from dtwin.errors import ParameterError, choices
-from dtwin.parameters import PARAMETER_NAMES, Gains, Triple
+from dtwin.parameters import PARAMETER_NAMES, Gains
 from dtwin.simulation.whatif import MotionCase
 
 _GAIN: Final = re.compile(r"(kp|ki|kd)([123]?)")
@@ -70,7 +70,7 @@ def _gains(gains: Gains, kind: str, joint: str, value: str) -> Gains:
         raise ParameterError(
             f"{kind}{joint}: expected {'one number' if joint else 'one number or three'}, got {value}"
         )
-    changed: dict[str, Any] = {kind: cast(Triple, tuple(values))}
+    changed: dict[str, Any] = {kind: tuple(values)}
     return replace(gains, **changed)
 
 

@@ -15,8 +15,8 @@ from dtwin.controller.bounds import check_bounds
 from dtwin.controller.ports import BLOCKS
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import DivergenceError, ParameterError
-from dtwin.parameters import ArmParameters, Law, Triple
-from dtwin.simulation.figures import Figures, triple
+from dtwin.parameters import ArmParameters, JointVector, Law, joint_vector
+from dtwin.simulation.figures import Figures
 from dtwin.simulation.margins.demands import DEMANDS, UNSTABLE, Case, Shortfall
 from dtwin.simulation.margins.loop import lateness, later, linear_loop
 from dtwin.simulation.margins.measures import margins
@@ -71,9 +71,9 @@ class ExpectedTracking:
         disk_margin: least disk margin over the same places.
     """
 
-    tracking: Triple
+    tracking: JointVector
     rms: float
-    peak_volts: Triple
+    peak_volts: JointVector
     saturated: float
     worst: Motion
     spectral_radius: float
@@ -242,7 +242,9 @@ class Checker:
         volts = np.max([figures.peak_volts for figures in found], axis=0)
         saturated = max(figures.saturated for figures in found)
         rms = float(np.sqrt(np.mean([np.square(figures.tracking_rms) for figures in found])))
-        return ExpectedTracking(triple(tracking.max(axis=0)), rms, triple(volts), saturated, worst, 0.0, 0.0)
+        return ExpectedTracking(
+            joint_vector(tracking.max(axis=0)), rms, joint_vector(volts), saturated, worst, 0.0, 0.0
+        )
 
     def simulate(
         self,

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from typing import Final
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from dtwin.parameters import PERIOD, VOLTAGE_LIMIT, Triple
+from dtwin.parameters import PERIOD, VOLTAGE_LIMIT, JointVector, joint_vector
 from dtwin.twin.compiled import kernel
 
 Array = NDArray[np.float64]
@@ -39,17 +38,19 @@ class Figures(msgspec.Struct, frozen=True):
         energy: work that the motors put in, J; energy that the load returns does not count.
     """
 
-    tracking_max: Triple
-    tracking_rms: Triple
+    tracking_max: JointVector
+    tracking_rms: JointVector
     settling_time: float | None
-    overshoot: Triple
-    final_error: Triple
-    peak_volts: Triple
+    overshoot: JointVector
+    final_error: JointVector
+    peak_volts: JointVector
     saturated: float
     energy: float
 
 
-def figures(theta: Array, omega: Array, path: Array, volts: Array, target: Triple, constants: Triple) -> Figures:
+def figures(
+    theta: Array, omega: Array, path: Array, volts: Array, target: JointVector, constants: JointVector
+) -> Figures:
     """Computes the figures of a motion sampled every 10 ms.
 
     Args:
@@ -63,7 +64,7 @@ def figures(theta: Array, omega: Array, path: Array, volts: Array, target: Tripl
     found, work = np.empty((5, 3)), np.empty(volts.shape)
     motion = map(np.ascontiguousarray, (theta, omega, path, volts))
     last, saturated = _look(*motion, np.array(target), np.array(constants), found, work)
-    tracking, rms, beyond, peak, final = map(triple, found.tolist())
+    tracking, rms, beyond, peak, final = map(joint_vector, found.tolist())
     return Figures(
         tracking_max=tracking,
         tracking_rms=rms,
@@ -120,7 +121,7 @@ def _look(
     return last, saturated
 
 
-def fit(measured: Array, predicted: Array) -> Triple:
+def fit(measured: Array, predicted: Array) -> JointVector:
     """Fit 1 - ||y - yhat|| / ||y - mean(y)|| of each joint: 1 is perfect, 0 is no better than the mean.
 
     Args:
@@ -128,10 +129,4 @@ def fit(measured: Array, predicted: Array) -> Triple:
         predicted: (N, 3), yhat.
     """
     spread = np.linalg.norm(measured - measured.mean(axis=0), axis=0)
-    return triple(1.0 - np.linalg.norm(measured - predicted, axis=0) / np.maximum(spread, np.finfo(float).tiny))
-
-
-def triple(values: Iterable[float]) -> Triple:
-    """Three numbers, such as a row of an array, as a tuple."""
-    first, second, third = map(float, values)
-    return (first, second, third)
+    return joint_vector(1.0 - np.linalg.norm(measured - predicted, axis=0) / np.maximum(spread, np.finfo(float).tiny))

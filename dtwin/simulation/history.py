@@ -13,7 +13,7 @@ import msgspec
 
 from dtwin.controller.settings import ControlSettings
 from dtwin.line_file import LineFile
-from dtwin.parameters import Triple
+from dtwin.parameters import CellJoints
 from dtwin.signals import Count, Line, Seconds, Word
 
 HISTORY: Final = Path("uploads.jsonl")
@@ -49,8 +49,8 @@ class Entry(msgspec.Struct, frozen=True, tag_field="schema", tag=1):
     kind: Word
     settings: ControlSettings
     text: Line = ""
-    predicted: Triple | None = None
-    measured: Triple | None = None
+    predicted: CellJoints | None = None
+    measured: CellJoints | None = None
 
 
 class History(LineFile[Entry]):

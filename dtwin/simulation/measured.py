@@ -13,7 +13,7 @@ import numpy as np
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import ParameterError, RecordingError
 from dtwin.logs.log import Log
-from dtwin.parameters import PERIOD, ArmParameters, Triple
+from dtwin.parameters import PERIOD, ArmParameters, JointVector, joint_vector
 from dtwin.simulation.figures import Array, Figures, figures, fit
 from dtwin.simulation.trial import SAME_ANGLE
 from dtwin.simulation.whatif import MotionCase, Outcome, Simulator
@@ -35,7 +35,7 @@ class Measured:
     start: int
     stop: int
     target_time: float
-    goal: Triple
+    goal: JointVector
     carries: bool
 
     @property
@@ -64,7 +64,7 @@ class MotionComparison:
     volts: Array
     figures: Figures
     predicted: Outcome
-    fit: Triple
+    fit: JointVector
 
 
 def motions(log: Log, offset: Array | None = None) -> Iterator[Measured]:
@@ -93,9 +93,8 @@ def motions(log: Log, offset: Array | None = None) -> Iterator[Measured]:
         if stop - start < 2 or not still.size or start + still[0] == len(path) - 1:
             continue
         end = start + int(still[0])
-        first, second, third = path[end].tolist()
         carries = bool(log.columns["box_gripped"][start])
-        yield Measured(start, stop, (end - start) * PERIOD, (first, second, third), carries)
+        yield Measured(start, stop, (end - start) * PERIOD, joint_vector(path[end]), carries)
 
 
 def settings_of(log: Log) -> ControlSettings:
@@ -134,11 +133,10 @@ def compare(
     rows = slice(motion.start, motion.stop)
     measured, path = log.stack("measured")[rows], log.stack("target")[rows]
     volts = log.stack("volts")[rows, :3]
-    first, second, third = measured[0].tolist()
     case = MotionCase(
         motion.goal,
         replace(settings, target_time=motion.target_time),
-        (first, second, third),
+        joint_vector(measured[0]),
         arm=arm,
         payload=payload if motion.carries else 0.0,
         carries=motion.carries,

@@ -19,8 +19,8 @@ import numpy as np
 
 from dtwin.campaign.spread import EVERY_CORE, Workers, Workforce
 from dtwin.errors import ParameterError
-from dtwin.parameters import Gains
-from dtwin.simulation.figures import Array, triple
+from dtwin.parameters import Gains, joint_vector
+from dtwin.simulation.figures import Array
 from dtwin.simulation.objective import UNLIMITED, CandidateScore, Objective, score
 
 GAIN_DIGITS: Final = 1
@@ -243,7 +243,7 @@ def _judge(objective: Objective, point: Sequence[float]) -> CandidateScore:
     return score(
         objective,
         round(target_time, TIME_DIGITS),
-        Gains(triple(rounded[:3]), triple(rounded[3:6]), triple(rounded[6:])),
+        Gains(joint_vector(rounded[:3]), joint_vector(rounded[3:6]), joint_vector(rounded[6:])),
     )
 
 

@@ -10,11 +10,11 @@ from typing import Final, NamedTuple
 
 from dtwin.controller.motion import Goal
 from dtwin.errors import ParameterError, choices
-from dtwin.parameters import HANGING, HOME, ArmParameters, Place, Triple
+from dtwin.parameters import HANGING, HOME, ArmParameters, JointVector, Place
 from dtwin.task import DEFAULT_TASK, PICKUP_NAME, Task
 from dtwin.twin.kinematics import nearest
 
-_POSES: Final[dict[str, Triple]] = {"home": HOME, "hanging": HANGING}
+_POSES: Final[dict[str, JointVector]] = {"home": HOME, "hanging": HANGING}
 """Poses beside the places of the task, rad."""
 
 
@@ -28,8 +28,8 @@ class Leg(NamedTuple):
     """
 
     names: tuple[str, str]
-    start: Triple
-    goal: Triple
+    start: JointVector
+    goal: JointVector
     carries: bool
 
     def duration(self, target_time: float) -> float:
@@ -37,14 +37,14 @@ class Leg(NamedTuple):
         return target_time * max(1.0, 0.4 * max(abs(a - b) for a, b in zip(self.start, self.goal, strict=True)))
 
 
-def legs_of(task: Task, point: Callable[[str], Triple | None]) -> tuple[Leg, ...]:
+def legs_of(task: Task, point: Callable[[str], JointVector | None]) -> tuple[Leg, ...]:
     """The parts of the ways from the pickup to all places and back, each once.
 
     Args:
         task: says where the places are.
         point: the angles of a point by its name, None if there is no such point.
     """
-    legs: dict[tuple[Triple, Triple], tuple[Leg, Leg]] = {}
+    legs: dict[tuple[JointVector, JointVector], tuple[Leg, Leg]] = {}
     for colour in task.colours:
         names = (PICKUP_NAME, "above pickup", "between", "behind", f"near {colour}", f"above {colour}", colour)
         known = ((name, point(name) or task.all_places.get(name)) for name in names)
@@ -55,7 +55,7 @@ def legs_of(task: Task, point: Callable[[str], Triple | None]) -> tuple[Leg, ...
     return tuple(itertools.chain.from_iterable(legs.values()))
 
 
-def angles_of(place: str, task: Task = DEFAULT_TASK) -> Triple:
+def angles_of(place: str, task: Task = DEFAULT_TASK) -> JointVector:
     """The joint angles (rad) of a place of a task, or of another named pose.
 
     Raises:
@@ -67,7 +67,7 @@ def angles_of(place: str, task: Task = DEFAULT_TASK) -> Triple:
     return angles[place]
 
 
-def parse_start(text: str, arm: ArmParameters, task: Task = DEFAULT_TASK) -> Triple:
+def parse_start(text: str, arm: ArmParameters, task: Task = DEFAULT_TASK) -> JointVector:
     """The joint angles (rad) that a text stands for.
 
     Raises:
@@ -80,7 +80,7 @@ def parse_start(text: str, arm: ArmParameters, task: Task = DEFAULT_TASK) -> Tri
     return found if len(found) == 3 else nearest(found[0], found[1], arm, HOME)
 
 
-def parse_goal(text: str, arm: ArmParameters, start: Triple, task: Task = DEFAULT_TASK) -> Goal:
+def parse_goal(text: str, arm: ArmParameters, start: JointVector, task: Task = DEFAULT_TASK) -> Goal:
     """The goal that a text stands for; a place of the task is given by its name.
 
     Coordinates are reached with link 3 parallel to x, with the joint angles nearest to those of the start.

@@ -103,16 +103,13 @@ def controllable(record: MachineRecord) -> ArmParameters:
 
 def with_rotors(arm: ArmParameters, effects: Effects) -> ArmParameters:
     """An arm whose rotors are parts of its links."""
-    first, second, third = (
-        inertia + rotor for inertia, rotor in zip(arm.inertia, effects.rotor_inertia, strict=True)
-    )
-    return replace(arm, inertia=(first, second, third))
+    inertia = (own + rotor for own, rotor in zip(arm.inertia, effects.rotor_inertia, strict=True))
+    return replace(arm, inertia=tuple(inertia))
 
 
 def compensation(record: MachineRecord) -> Compensation:
     """What the controller should take into account of drives and encoders."""
-    first, second, third = map(repeats, record.sensors.encoders)
-    delay, usual = record.numbers["delay"], Compensation(repeats=(first, second, third))
+    delay, usual = record.numbers["delay"], Compensation(repeats=tuple(map(repeats, record.sensors.encoders)))
     if not delay.told:
         return usual
     low, high, _ = COMPENSATION_RANGES["delay"]

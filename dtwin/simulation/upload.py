@@ -10,9 +10,8 @@ from dtwin.controller.ports import MODEL, OFFSETS, PAYLOAD, TUNING
 from dtwin.controller.settings import ControlSettings
 from dtwin.controller.settings_port import SettingsPort
 from dtwin.errors import CommunicationError, ParameterError
-from dtwin.parameters import ArmParameters, Gains, Triple
+from dtwin.parameters import ArmParameters, Gains, JointVector, joint_vector
 from dtwin.simulation.checks import Checker, ExpectedTracking, Refused
-from dtwin.simulation.figures import triple
 from dtwin.simulation.history import SELF, Action, Entry, History
 from dtwin.simulation.trial import Trial, TrialRules
 
@@ -45,7 +44,7 @@ class Proposal:
     target_time: float | None = None
     model: ArmParameters | None = None
     payload: float | None = None
-    encoder_offset: Triple | None = None
+    encoder_offset: JointVector | None = None
 
     def __post_init__(self) -> None:
         tuned = self.gains is not None or self.target_time is not None
@@ -206,7 +205,7 @@ class Uploader:
         settings = proposal.applied(self.settings)
         return self._checker.check(settings, arm or settings.model, late=late, in_force=self.settings)
 
-    def observe(self, time: float, path: Triple, measured: Triple) -> Entry | None:
+    def observe(self, time: float, path: JointVector, measured: JointVector) -> Entry | None:
         """Judges a sample while a trial runs.
 
         Args:
@@ -225,7 +224,7 @@ class Uploader:
         if trial is None:
             return None
         offset = self.settings.encoder_offset
-        verdict = trial.observe(time, path, triple(a - b for a, b in zip(measured, offset, strict=True)))
+        verdict = trial.observe(time, path, joint_vector(a - b for a, b in zip(measured, offset, strict=True)))
         if verdict == "running":
             return None
         if verdict == "failed":
@@ -236,7 +235,7 @@ class Uploader:
         self.trial = None
         seen = "tracking was as predicted" if trial.judged_motion else "the arm stood still"
         text = f"{seen} for {time - trial.began:.1f} s"
-        return self._record("confirm", self._tried, self.settings, time, text, measured=triple(trial.measured))
+        return self._record("confirm", self._tried, self.settings, time, text, measured=joint_vector(trial.measured))
 
     def earlier(self, version: int, who: str, why: str, based_on: int) -> Proposal:
         """A proposal that puts the settings of an earlier version into force again; it is checked like any other.
@@ -276,7 +275,7 @@ class Uploader:
             raise Refused(f"roll back: version {self.version} differs in more than one message can change")
         self._send(before, proposal.kind)
         self.trial = None
-        return self._record("roll back", proposal, before, time, measured=triple(trial.measured))
+        return self._record("roll back", proposal, before, time, measured=joint_vector(trial.measured))
 
     def _refuse_untimely(self, proposal: Proposal) -> None:
         if proposal.based_on != self.version:
@@ -306,8 +305,8 @@ class Uploader:
         settings: ControlSettings,
         time: float,
         text: str = "",
-        predicted: Triple | None = None,
-        measured: Triple | None = None,
+        predicted: JointVector | None = None,
+        measured: JointVector | None = None,
     ) -> Entry:
         changes = action in ("upload", "roll back")
         who, why, kind = (proposal.who, proposal.why, proposal.kind) if proposal else (SELF, "", "")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from dtwin.controller.embedded import EmbeddedController
-from dtwin.parameters import Triple
+from dtwin.parameters import JointVector
 from dtwin.signals import Event, Sensors, Voltages
 from dtwin.simulation.history import Entry
 from dtwin.simulation.upload import Uploader
@@ -39,7 +39,7 @@ class WatchedController:
                 self._told(entry)
         return voltages
 
-    def target(self) -> Triple:
+    def target(self) -> JointVector:
         """Desired angles of the path at the last step, rad."""
         return self._controller.target()
 

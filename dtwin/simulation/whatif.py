@@ -20,8 +20,8 @@ from dtwin.controller.ports import BLOCKS, PATH
 from dtwin.controller.settings import ControlSettings
 from dtwin.emulation.encoders import Encoders, NoiseKind
 from dtwin.errors import DivergenceError, ParameterError
-from dtwin.parameters import COULOMB_WIDTH, PERIOD, PICKUP, ArmParameters, PayloadModel, Triple
-from dtwin.simulation.figures import Array, Figures, figures, triple
+from dtwin.parameters import COULOMB_WIDTH, PERIOD, PICKUP, ArmParameters, JointVector, PayloadModel, joint_vector
+from dtwin.simulation.figures import Array, Figures, figures
 from dtwin.task import DEFAULT_TASK, Task
 from dtwin.twin.closed_loop import CompiledLoop, Motion
 from dtwin.twin.dynamics import integrate
@@ -67,8 +67,8 @@ class MotionCase:
 
     goal: Goal
     settings: ControlSettings = field(default_factory=ControlSettings)
-    theta: Triple = PICKUP.theta
-    omega: Triple = STILL
+    theta: JointVector = PICKUP.theta
+    omega: JointVector = STILL
     arm: ArmParameters = field(default_factory=ArmParameters)
     payload: float = 0.0
     carries: bool | None = None
@@ -110,7 +110,7 @@ class Outcome:
     """
 
     case: MotionCase
-    target: Triple
+    target: JointVector
     states: Array
     measured: Array
     path: Array
@@ -137,7 +137,7 @@ class Arm(Protocol):
 
     states: Array
 
-    def advance(self, tick: int, volts: Triple) -> Triple:
+    def advance(self, tick: int, volts: JointVector) -> JointVector:
         """Holds voltages (V) from a tick to the next, writes the next row and returns its angles (rad)."""
 
 
@@ -157,7 +157,7 @@ class TwinArm:
         self._load = np.array([case.payload])
         self._command = np.empty((1, 3))
 
-    def advance(self, tick: int, volts: Triple) -> Triple:
+    def advance(self, tick: int, volts: JointVector) -> JointVector:
         """Holds voltages (V) from a tick to the next, writes the next row and returns its angles (rad).
 
         Raises:
@@ -169,7 +169,7 @@ class TwinArm:
             self._vector, self._command, self._load, PERIOD, SUBSTEPS, self._weight_only, COULOMB_WIDTH, rows
         ):
             raise DivergenceError("what-if simulation", tick * PERIOD, rows[0])
-        return triple(rows[1, :3])
+        return joint_vector(rows[1, :3])
 
 
 class MachineArm:
@@ -190,7 +190,7 @@ class MachineArm:
         self._commands, self._loads = np.empty((ticks, 3)), np.full(ticks, case.payload)
         self._acting = np.full(3, np.nan)
 
-    def advance(self, tick: int, volts: Triple) -> Triple:
+    def advance(self, tick: int, volts: JointVector) -> JointVector:
         """Commands voltages (V) from a tick to the next, writes the next row and returns its angles (rad).
 
         Raises:
@@ -200,7 +200,7 @@ class MachineArm:
         commands, loads, rows = self._commands[: tick + 1], self._loads[: tick + 1], self.states[tick : tick + 2]
         if not integrate_machine(self._vector, commands, loads, PERIOD, SUBSTEP, WIDTH, tick, self._acting, rows):
             raise DivergenceError("what-if simulation", tick * PERIOD, rows[0])
-        return triple(rows[1, :3])
+        return joint_vector(rows[1, :3])
 
 
 def _twin(case: MotionCase, ticks: int) -> Arm:
@@ -265,7 +265,7 @@ class Simulator:
             for case, (_, target), motion in zip(alike, prepared, motions, strict=True):
                 yield _outcome(case, target, motion)
 
-    def _prepared(self, case: MotionCase, ticks: int) -> tuple[Begun, Triple]:
+    def _prepared(self, case: MotionCase, ticks: int) -> tuple[Begun, JointVector]:
         """A motion before its first sample, and the angles at which its path ends."""
         assert isinstance(self.controller.resource, NativeResource)
         noise = self._prepare(case, ticks)
@@ -279,7 +279,7 @@ class Simulator:
         encoders, noise = _encoders(case), np.empty((0, 3))
         if encoders is not None:
             noise = np.array([_measure(encoders, STILL) for _ in range(ticks)])
-        first = case.theta if encoders is None else triple(noise[0] + case.theta)
+        first = case.theta if encoders is None else joint_vector(noise[0] + case.theta)
         self.controller.prepare(first, case.goal, case.settings, carries=_carries(case), omega=case.omega)
         return noise
 
@@ -292,9 +292,9 @@ class Simulator:
         """A motion tick by tick, after some ticks in which the arm is held where it starts."""
         controller, step, path_of = self.controller, self.controller.step, self.controller.path
         encoders = _encoders(case)
-        samples: list[Triple] = []
-        path: list[Triple] = []
-        commands: list[Triple] = []
+        samples: list[JointVector] = []
+        path: list[JointVector] = []
+        commands: list[JointVector] = []
         theta = case.theta
         for k in range(resting + ticks):
             sample = theta if encoders is None else _measure(encoders, theta)
@@ -317,7 +317,7 @@ def _ticks(case: MotionCase) -> int:
     return round(case.seconds / PERIOD)
 
 
-def _outcome(case: MotionCase, target: Triple, motion: Motion) -> Outcome:
+def _outcome(case: MotionCase, target: JointVector, motion: Motion) -> Outcome:
     theta, omega = motion.states[:, :3], motion.states[:, 3:]
     came_to = figures(theta, omega, motion.path, motion.volts, target, case.arm.voltage_constant)
     return Outcome(case, target, motion.states, motion.measured, motion.path, motion.volts, came_to)
@@ -331,6 +331,5 @@ def _encoders(case: MotionCase) -> Encoders | None:
     return Encoders(case.noise_kind, case.noise, np.random.default_rng(case.seed)) if case.noise else None
 
 
-def _measure(encoders: Encoders, theta: Triple) -> Triple:
-    first, second, third, _ = encoders.measure([*theta, 0.0], 0.0)
-    return (first, second, third)
+def _measure(encoders: Encoders, theta: JointVector) -> JointVector:
+    return tuple(encoders.measure([*theta, 0.0], 0.0)[:-1])

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from dtwin.parameters import PARAMETER_NAMES, Triple
+from dtwin.parameters import PARAMETER_NAMES, JointVector
 from dtwin.twin.compiled import kernel
 from dtwin.twin.dynamics import Array, Sextuple
 from dtwin.twin.effects import EFFECT_NAMES
@@ -51,7 +51,7 @@ def rubbing(w: float, i: int, h: float, p: Array, width: float, lightness: float
 
 
 @kernel
-def rubbed(w: Triple, inverse: Sextuple, h: float, p: Array, width: float) -> Triple:
+def rubbed(w: JointVector, inverse: Sextuple, h: float, p: Array, width: float) -> JointVector:
     """The velocities on which dry friction has acted for h seconds, by Newton's method, rad/s.
 
     A joint that a step of the search would turn around stops first: friction is steepest at rest.

@@ -38,7 +38,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dtwin.parameters import COULOMB_WIDTH, GRAVITY, VOLTAGE_LIMIT, Triple
+from dtwin.parameters import COULOMB_WIDTH, GRAVITY, VOLTAGE_LIMIT, JointVector
 from dtwin.twin.compiled import kernel
 from dtwin.twin.lanes import abreast, apart, turned
 
@@ -169,7 +169,7 @@ def _mass(d: Directions, arm: Coefficients) -> Sextuple:
 
 
 @kernel(inlined=True)
-def _coriolis(d: Directions, w1: float, w2: float, w3: float, arm: Coefficients) -> Triple:
+def _coriolis(d: Directions, w1: float, w2: float, w3: float, arm: Coefficients) -> JointVector:
     A, B, E = arm.A * d.s2, arm.B * d.s23, arm.E * d.s3
     a, b = A + B, B + E
     w12, w13_23 = w1 * w2, (w1 + w2) * w3
@@ -181,7 +181,7 @@ def _coriolis(d: Directions, w1: float, w2: float, w3: float, arm: Coefficients)
 
 
 @kernel(inlined=True)
-def _gravity(d: Directions, arm: Coefficients) -> Triple:
+def _gravity(d: Directions, arm: Coefficients) -> JointVector:
     g3 = arm.G3 * d.c123
     g2 = g3 + arm.G2 * d.c12
     return g2 + arm.G1 * d.c1, g2, g3
@@ -193,7 +193,7 @@ def _coulomb(w: float, mu: float, width: float) -> float:
 
 
 @kernel(inlined=True)
-def _friction(w1: float, w2: float, w3: float, arm: Coefficients, width: float) -> Triple:
+def _friction(w1: float, w2: float, w3: float, arm: Coefficients, width: float) -> JointVector:
     return (
         arm.D1 * w1 + _coulomb(w1, arm.mu1, width),
         arm.D2 * w2 + _coulomb(w2, arm.mu2, width),
@@ -212,13 +212,13 @@ def clipped(volts: float) -> float:
 
 
 @kernel(inlined=True)
-def held_torque(volts: Array, arm: Coefficients) -> Triple:
+def held_torque(volts: Array, arm: Coefficients) -> JointVector:
     """The torques of the motors under given voltages (3,), which are clipped."""
     return arm.K1 * clipped(volts[0]), arm.K2 * clipped(volts[1]), arm.K3 * clipped(volts[2])
 
 
 @kernel(inlined=True)
-def _solve(M: Sextuple, r1: float, r2: float, r3: float) -> Triple:
+def _solve(M: Sextuple, r1: float, r2: float, r3: float) -> JointVector:
     """Solves M x = r by M = L diag(d) L^T from the last row up; M is symmetric positive definite, so no pivoting."""
     M11, M21, M31, M22, M32, d3 = M
     per_d3 = 1.0 / d3
@@ -236,7 +236,7 @@ def _solve(M: Sextuple, r1: float, r2: float, r3: float) -> Triple:
 
 
 @kernel(inlined=True)
-def _derivative(x: Sextuple, torque: Triple, arm: Coefficients, width: float, rubs: bool) -> Sextuple:
+def _derivative(x: Sextuple, torque: JointVector, arm: Coefficients, width: float, rubs: bool) -> Sextuple:
     q1, q2, q3, w1, w2, w3 = x
     d = directions(q1, q2, q3)
     h1, h2, h3 = _coriolis(d, w1, w2, w3, arm)
@@ -261,7 +261,9 @@ def along(x: Sextuple, step: float, slope: Sextuple) -> Sextuple:
 
 
 @kernel(inlined=True)
-def runge_kutta(x: Sextuple, torque: Triple, arm: Coefficients, width: float, step: float, rubs: bool) -> Sextuple:
+def runge_kutta(
+    x: Sextuple, torque: JointVector, arm: Coefficients, width: float, step: float, rubs: bool
+) -> Sextuple:
     """One step of the classical Runge-Kutta method with the torque held; `rubs` says whether there may be a mu."""
     k1 = _derivative(x, torque, arm, width, rubs)
     k2 = _derivative(along(x, 0.5 * step, k1), torque, arm, width, rubs)
@@ -272,7 +274,7 @@ def runge_kutta(x: Sextuple, torque: Triple, arm: Coefficients, width: float, st
 
 @kernel
 def advance(
-    x: Sextuple, torque: Triple, arm: Coefficients, width: float, step: float, substeps: int
+    x: Sextuple, torque: JointVector, arm: Coefficients, width: float, step: float, substeps: int
 ) -> tuple[Sextuple, bool]:
     """The state after a number of steps with the torque held, and whether it is finite."""
     # code that may call tanh is slower where it does not

@@ -12,9 +12,9 @@ from dataclasses import dataclass, fields
 from typing import Any, Final
 
 from dtwin.errors import ParameterError, choices
-from dtwin.parameters import Triple
+from dtwin.parameters import CellJoints, JointVector, every_joint
 
-_NONE: Final[Triple] = (0.0, 0.0, 0.0)
+_NONE: Final[JointVector] = every_joint(0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,19 +43,19 @@ class Effects:
         ParameterError: a value is not finite or out of range.
     """
 
-    rotor_inertia: Triple = _NONE
-    lag: Triple = _NONE
-    dead_zone: Triple = _NONE
-    stiction: Triple = _NONE
-    stribeck_velocity: Triple = (0.1, 0.1, 0.1)
-    cable: Triple = _NONE
-    torque: Triple = _NONE
-    com_offset: Triple = _NONE
-    eccentric_sin: Triple = _NONE
-    eccentric_cos: Triple = _NONE
-    ripple_sin: Triple = _NONE
-    ripple_cos: Triple = _NONE
-    ripple_periods: Triple = (20.0, 20.0, 20.0)
+    rotor_inertia: CellJoints = _NONE
+    lag: CellJoints = _NONE
+    dead_zone: CellJoints = _NONE
+    stiction: CellJoints = _NONE
+    stribeck_velocity: CellJoints = every_joint(0.1)
+    cable: CellJoints = _NONE
+    torque: CellJoints = _NONE
+    com_offset: CellJoints = _NONE
+    eccentric_sin: CellJoints = _NONE
+    eccentric_cos: CellJoints = _NONE
+    ripple_sin: CellJoints = _NONE
+    ripple_cos: CellJoints = _NONE
+    ripple_periods: CellJoints = every_joint(20.0)
     tilt: float = 0.0
     delay: float = 0.0
     sag: float = 0.0

@@ -11,7 +11,7 @@ import math
 from typing import Final, Literal
 
 from dtwin.errors import ParameterError, UnreachableError, choices
-from dtwin.parameters import ArmParameters, Triple
+from dtwin.parameters import ArmParameters, JointVector
 
 Elbow = Literal["up", "down"]
 _TURN: Final = 2.0 * math.pi
@@ -22,7 +22,7 @@ _REACH_TOLERANCE: Final = 1e-9
 Point = tuple[float, float]
 
 
-def joint_positions(theta: Triple, parameters: ArmParameters) -> tuple[Point, Point, Point, Point]:
+def joint_positions(theta: JointVector, parameters: ArmParameters) -> tuple[Point, Point, Point, Point]:
     """Positions (x, y) of joint 1, joint 2, joint 3 and the tip, m."""
     points = [(0.0, 0.0)]
     angle = 0.0
@@ -33,13 +33,13 @@ def joint_positions(theta: Triple, parameters: ArmParameters) -> tuple[Point, Po
     return points[0], points[1], points[2], points[3]
 
 
-def forward(theta: Triple, parameters: ArmParameters) -> tuple[float, float, float]:
+def forward(theta: JointVector, parameters: ArmParameters) -> tuple[float, float, float]:
     """Forward kinematics: x and y of the tip in m and the angle phi of link 3 to x in rad."""
     x, y = joint_positions(theta, parameters)[3]
     return x, y, sum(theta)
 
 
-def inverse(x: float, y: float, parameters: ArmParameters, phi: float = 0.0, elbow: Elbow = "up") -> Triple:
+def inverse(x: float, y: float, parameters: ArmParameters, phi: float = 0.0, elbow: Elbow = "up") -> JointVector:
     """Inverse kinematics: the joint angles at which the tip is at (x, y) and link 3 at the angle phi.
 
     The law of cosines on the triangle joint 1, joint 2, joint 3 gives
@@ -81,7 +81,7 @@ def inverse(x: float, y: float, parameters: ArmParameters, phi: float = 0.0, elb
     return theta_1, theta_2, phi - theta_1 - theta_2
 
 
-def nearest(x: float, y: float, arm: ArmParameters, near: Triple, elbow: Elbow | None = None) -> Triple:
+def nearest(x: float, y: float, arm: ArmParameters, near: JointVector, elbow: Elbow | None = None) -> JointVector:
     """The joint angles nearest to `near` at which the tip is at (x, y) and link 3 is parallel to x.
 
     Args:
@@ -94,7 +94,7 @@ def nearest(x: float, y: float, arm: ArmParameters, near: Triple, elbow: Elbow |
     Raises:
         UnreachableError: the point is out of reach.
     """
-    best: tuple[float, Triple] | None = None
+    best: tuple[float, JointVector] | None = None
     sides: tuple[Elbow, ...] = ("up", "down") if elbow is None else (elbow,)
     for side, more_1, more_2 in itertools.product(sides, (-1, 0, 1), (-1, 0, 1)):
         first, second, _ = inverse(x, y, arm, elbow=side)

@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dtwin.errors import DivergenceError
-from dtwin.parameters import GRAVITY, PARAMETER_NAMES, PERIOD, VOLTAGE_LIMIT, ArmParameters, Triple
+from dtwin.parameters import GRAVITY, PARAMETER_NAMES, PERIOD, VOLTAGE_LIMIT, ArmParameters, JointVector
 from dtwin.twin import dry_friction, dynamics, lanes
 from dtwin.twin.compiled import kernel
 from dtwin.twin.dry_friction import rubbed, tanh
@@ -133,7 +133,7 @@ def constants(p: Array, payload: float, c: Array) -> None:
 
 
 @kernel(inlined=True)
-def constant_torque(p: Array) -> Triple:
+def constant_torque(p: Array) -> JointVector:
     return p[_TORQUE], p[_TORQUE + 1], p[_TORQUE + 2]
 
 
@@ -159,7 +159,7 @@ def inverse(M: Sextuple) -> Sextuple:
 
 
 @kernel(inlined=True)
-def forces(d: Directions, w1: float, w2: float, w3: float, c: Array) -> tuple[Triple, Triple]:
+def forces(d: Directions, w1: float, w2: float, w3: float, c: Array) -> tuple[JointVector, JointVector]:
     """The centrifugal and Coriolis forces h(q, q') and the weight g(q), N m."""
     A, B, E = c[3] * d.s2, c[4] * d.s23, c[5] * d.s3
     a, b = A + B, B + E
@@ -184,7 +184,7 @@ def _extra(p: Array, i: int, sine: float, cosine: float, w: float, v: float) -> 
 
 
 @kernel(inlined=True)
-def _ripple(p: Array, q1: float, q2: float, q3: float) -> Triple:
+def _ripple(p: Array, q1: float, q2: float, q3: float) -> JointVector:
     angles = abreast(p[PERIODS] * q1, p[PERIODS + 1] * q2, p[PERIODS + 2] * q3)
     sines, cosines = sine_cosine(angles)
     (s1, s2, s3), (c1, c2, c3) = apart(sines), apart(cosines)
@@ -218,7 +218,7 @@ def regime(p: Array, period: float) -> Regime:
 
 
 @kernel(inlined=True)
-def derivative(x: Sextuple, v: Triple, torque: Triple, p: Array, c: Array, has: Regime) -> Sextuple:
+def derivative(x: Sextuple, v: JointVector, torque: JointVector, p: Array, c: Array, has: Regime) -> Sextuple:
     """The derivative of a state under the voltages that act and constant torques, without dry friction."""
     q1, q2, q3, w1, w2, w3 = x
     d = directions(q1, q2, q3)
@@ -239,7 +239,7 @@ def derivative(x: Sextuple, v: Triple, torque: Triple, p: Array, c: Array, has: 
 
 
 @kernel(uses=(dry_friction, dynamics, lanes))
-def _acceleration(x: Array, v: Array, p: Array, c: Array) -> Triple:
+def _acceleration(x: Array, v: Array, p: Array, c: Array) -> JointVector:
     state = (x[0], x[1], x[2], x[3], x[4], x[5])
     return derivative(state, (v[0], v[1], v[2]), constant_torque(p), p, c, Regime(True, True, True, 0, 0.0))[3:]
 
@@ -270,8 +270,8 @@ class Portion(NamedTuple):
 
     steps: int
     h: float
-    u: Triple
-    lagging: Triple
+    u: JointVector
+    lagging: JointVector
 
 
 @kernel(inlined=True)
@@ -290,7 +290,7 @@ def portion(p: Array, volts: Array, k: int, part: int, has: Regime, period: floa
 
 
 @kernel(inlined=True)
-def lagged(v: Triple, at: Portion) -> tuple[Triple, Triple, Triple]:
+def lagged(v: JointVector, at: Portion) -> tuple[JointVector, JointVector, JointVector]:
     """The voltages that act at the start of a step, in its middle and at its end, where v acted before, V."""
     u, e = at.u, at.lagging
     start = v[0] if e[0] else u[0], v[1] if e[1] else u[1], v[2] if e[2] else u[2]
@@ -307,17 +307,17 @@ def _after_friction(x: Sextuple, h: float, p: Array, c: Array, width: float) -> 
 @kernel(inlined=True)
 def _over_sample(
     x: Sextuple,
-    v: Triple,
+    v: JointVector,
     volts: Array,
     k: int,
-    torque: Triple,
+    torque: JointVector,
     p: Array,
     c: Array,
     has: Regime,
     period: float,
     substep: float,
     width: float,
-) -> tuple[Sextuple, Triple]:
+) -> tuple[Sextuple, JointVector]:
     """The state and the voltages that act after sample k, a row of volts; arguments as for `integrate_machine`."""
     for part in range(2):
         at = portion(p, volts, k, part, has, period, substep)

@@ -16,7 +16,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from dtwin.parameters import PERIOD, Triple
+from dtwin.parameters import PERIOD, JointVector
 from dtwin.twin import dry_friction, dynamics, lanes, machine
 from dtwin.twin.compiled import kernel
 from dtwin.twin.dry_friction import rubbed, rubbing, tanh
@@ -59,7 +59,7 @@ class _Seeds(NamedTuple):
 
 
 @kernel(inlined=True)
-def _weighed(M: Sextuple, a: Triple) -> Triple:
+def _weighed(M: Sextuple, a: JointVector) -> JointVector:
     """The product of a symmetric matrix and a vector, of numbers or Lanes."""
     return (
         M[0] * a[0] + M[1] * a[1] + M[2] * a[2],
@@ -69,7 +69,7 @@ def _weighed(M: Sextuple, a: Triple) -> Triple:
 
 
 @kernel(inlined=True)
-def _weighed_by_angles(d: Directions, c: Array, a: Triple) -> Sextuple:
+def _weighed_by_angles(d: Directions, c: Array, a: JointVector) -> Sextuple:
     """The derivatives of M(q) a by q2 and by q3; it does not depend on q1."""
     A, B, E = c[3] * d.s2, c[4] * d.s23, c[5] * d.s3
     b, e = B * (2.0 * a[0] + a[1] + a[2]), E * (2.0 * (a[0] + a[1]) + a[2])
@@ -90,7 +90,7 @@ class _Slopes(NamedTuple):
 
 @kernel(inlined=True)
 def _turning(
-    d: Directions, x: Sextuple, a: Triple, v: Triple, p: Array, c: Array, has: Regime
+    d: Directions, x: Sextuple, a: JointVector, v: JointVector, p: Array, c: Array, has: Regime
 ) -> tuple[_Slopes, _Slopes, _Slopes]:
     """The derivatives of r - M(q) a for held accelerations a."""
     q1, q2, q3, w1, w2, w3 = x
@@ -164,7 +164,7 @@ def _by(s: _Slopes, dx: Any, rest: Any) -> Any:
 
 @kernel(inlined=True)
 def _changed(
-    x: Sextuple, k: Sextuple, dx: Any, v: Triple, p: Array, c: Array, more: Array, has: Regime, seeds: _Seeds
+    x: Sextuple, k: Sextuple, dx: Any, v: JointVector, p: Array, c: Array, more: Array, has: Regime, seeds: _Seeds
 ) -> Any:
     """The change, in Lanes, of the derivative k of a state x that changes by dx."""
     d = directions(x[0], x[1], x[2])

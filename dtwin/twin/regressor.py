@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dtwin.parameters import COULOMB_WIDTH, GRAVITY, ArmParameters, Triple
+from dtwin.parameters import COULOMB_WIDTH, GRAVITY, ArmParameters, JointVector
 from dtwin.twin.dynamics import Array
 
 BASE_NAMES: Final = ("J1", "J2", "J3", "z1", "z2", "z3", "D1", "D2", "D3", "mu1", "mu2", "mu3")
@@ -32,7 +32,7 @@ def base_parameters(parameters: ArmParameters, payload: float = 0.0) -> Array:
 
 
 def regressor(
-    theta: ArrayLike, omega: ArrayLike, alpha: ArrayLike, length: Triple, coulomb_width: float = COULOMB_WIDTH
+    theta: ArrayLike, omega: ArrayLike, alpha: ArrayLike, length: JointVector, coulomb_width: float = COULOMB_WIDTH
 ) -> Array:
     """The regressor Y, with motor torque = Y @ base_parameters.
 

@@ -16,7 +16,7 @@ from dtwin.emulation.machine.sections import Machine
 from dtwin.errors import IdentificationError
 from dtwin.identification.machine.judged import identify_machine
 from dtwin.identification.machine.record import Grade
-from dtwin.parameters import PARAMETER_NAMES, ArmParameters, Triple
+from dtwin.parameters import PARAMETER_NAMES, ArmParameters, JointVector, every_joint, joint_vector
 from evidence.experiment import SeriesCommand
 from evidence.report import Report, page, table
 from evidence.sorting import Work, worked
@@ -42,7 +42,7 @@ class Stranger(msgspec.Struct, frozen=True):
 
     number: int
     grade: Grade
-    fit: Triple
+    fit: JointVector
     away: dict[str, float]
     remarks: list[str]
 
@@ -87,11 +87,10 @@ def meet(item: Work) -> Stranger:
     try:
         judged = identify_machine(worked(item).log.freeze(), nominal)
     except IdentificationError as error:
-        return Stranger(item.number, "unusable", (0.0, 0.0, 0.0), {}, [str(error)])
+        return Stranger(item.number, "unusable", every_joint(0.0), {}, [str(error)])
     truth, found = truth_of(machine, nominal), judged.found
     away = {name: (found.values[name] - truth[name]) / found.deviations[name] for name in judged.identified}
-    first, second, third = judged.fit.tolist()
-    return Stranger(item.number, judged.grade, (first, second, third), away, judged.remarks())
+    return Stranger(item.number, judged.grade, joint_vector(judged.fit), away, judged.remarks())
 
 
 def strangers(

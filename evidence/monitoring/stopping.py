@@ -21,7 +21,7 @@ from dtwin.emulation.machine.sections import IDEAL, Machine
 from dtwin.errors import DivergenceError
 from dtwin.monitoring.kinds import arm_state
 from dtwin.monitoring.monitor import Monitor
-from dtwin.parameters import PERIOD, Triple
+from dtwin.parameters import PERIOD, JointVector
 from dtwin.pictures import legend, new_figure
 from dtwin.run.loop import run, tick_count
 from dtwin.signals import ARM_STATES, STOPS, StepRecord, Stop
@@ -151,9 +151,9 @@ class _Standstill:
 
     def __init__(self) -> None:
         self.crept = 0.0
-        self._first: Triple | None = None
+        self._first: JointVector | None = None
 
-    def look(self, theta: Triple) -> None:
+    def look(self, theta: JointVector) -> None:
         """Looks at the true angles (rad) of a tick."""
         self._first = self._first or theta
         self.crept = max(self.crept, *(abs(a - b) for a, b in zip(theta, self._first, strict=True)))

@@ -22,7 +22,15 @@ from dtwin.emulation.boxes import Boxes
 from dtwin.emulation.machine.files import machine_of
 from dtwin.errors import DivergenceError, NativeError
 from dtwin.logs.log import COLUMNS, Log
-from dtwin.parameters import HANGING, PERIOD, VOLTAGE_LIMIT, ArmParameters, GripperParameters, Triple
+from dtwin.parameters import (
+    HANGING,
+    JOINTS,
+    PERIOD,
+    VOLTAGE_LIMIT,
+    ArmParameters,
+    GripperParameters,
+    joint_vector,
+)
 from dtwin.signals import NO_COLOUR, BoxCounts
 from dtwin.task import DEFAULT_TASK
 from dtwin.twin.cell_loop import DIVERGED, work
@@ -213,9 +221,7 @@ class TwinCell:
     def _grip(self, closed: bool) -> None:
         """Picks the waiting box, or lets go of the held one, where the tip is now."""
         self._held = closed
-        first, second, third = self._state[:3].tolist()
-        theta: Triple = (first, second, third)
-        x, y, _ = forward(theta, self.arm)
+        x, y, _ = forward(joint_vector(self._state[:JOINTS]), self.arm)
         time = (self.ticks - 1) * PERIOD
         if closed:
             self._boxes.grip(time, (x, y), float(self._fingers[0]))

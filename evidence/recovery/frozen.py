@@ -19,7 +19,7 @@ from dtwin.emulation.faults import parse_fault
 from dtwin.emulation.machine.files import machine_of
 from dtwin.emulation.machine.sections import Sensing
 from dtwin.identification.machine.record import EncoderCheck
-from dtwin.parameters import ArmParameters, Triple
+from dtwin.parameters import ArmParameters, JointVector
 from dtwin.run.loop import run, tick_count
 from dtwin.signals import STOPS, StepRecord
 from dtwin.simulation.proposal import repeats, with_rotors
@@ -92,7 +92,7 @@ def freeze(trial: Frozen) -> FrozenOutcome:
     controller = EmbeddedController(known)
     stop_now = controller.resource.reader((STOP,))
     box, fastest, moved, times = False, 0.0, 0.0, dict[str, float]()
-    stood: Triple | None = None
+    stood: JointVector | None = None
 
     def record(step: StepRecord) -> None:
         nonlocal box, fastest, moved, stood

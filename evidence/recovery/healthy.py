@@ -5,7 +5,7 @@ from __future__ import annotations
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.settings_port import EmbeddedPort
 from dtwin.logs.log import Log
-from dtwin.parameters import ArmParameters, Triple
+from dtwin.parameters import ArmParameters, JointVector
 from dtwin.run.cell import Cell
 from dtwin.run.settings import CellSettings, sequence_of
 from dtwin.signals import Event, Sensors, Voltages
@@ -26,7 +26,7 @@ class _Relieved:
             self._model = None
         return self._controller.step(sensors)
 
-    def target(self) -> Triple:
+    def target(self) -> JointVector:
         return self._controller.target()
 
     def drain_events(self) -> list[Event]:

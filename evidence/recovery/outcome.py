@@ -12,7 +12,7 @@ import numpy as np
 from dtwin.bus.twin_messages import MonitoredUnit
 from dtwin.emulation.faults import Fault, schedule
 from dtwin.logs.log import Log
-from dtwin.parameters import PERIOD, ArmParameters, Triple
+from dtwin.parameters import PERIOD, ArmParameters, JointVector
 from dtwin.recovery.answers import Measure, Outcome
 from dtwin.recovery.desk import NAME
 from dtwin.recovery.operator import Step
@@ -61,7 +61,7 @@ class Story:
     started: float | None = None
     findings: tuple[MonitoredUnit, ...] = ()
     steps: tuple[Step, ...] = ()
-    offsets: tuple[tuple[float, Triple], ...] = ()
+    offsets: tuple[tuple[float, JointVector], ...] = ()
     trouble: str = ""
 
     @property
@@ -83,7 +83,7 @@ class TimelineEntry(NamedTuple):
     text: str
 
 
-Way = tuple[Triple, Triple]
+Way = tuple[JointVector, JointVector]
 """The angles from which and to which a path leads, rad."""
 
 
@@ -249,7 +249,7 @@ def judge(seed: int, faults: Sequence[Fault], expected: Expected, story: Story, 
     )
 
 
-def tracked(log: Log, offsets: Sequence[tuple[float, Triple]] = ()) -> Iterator[Tracked]:
+def tracked(log: Log, offsets: Sequence[tuple[float, JointVector]] = ()) -> Iterator[Tracked]:
     """The motions after the first one that begin where the one before was to end, in order.
 
     Args:
@@ -269,7 +269,7 @@ def tracked(log: Log, offsets: Sequence[tuple[float, Triple]] = ()) -> Iterator[
             yield Tracked(motion.time, stop * PERIOD, way, motion.carries, mass, error, motion.target_time)
 
 
-def _taken_off(log: Log, offsets: Sequence[tuple[float, Triple]]) -> Array:
+def _taken_off(log: Log, offsets: Sequence[tuple[float, JointVector]]) -> Array:
     taken = np.zeros((len(log), 3))
     for time, offset in offsets:
         taken[log.columns["t"] >= time] = offset

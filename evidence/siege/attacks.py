@@ -45,7 +45,7 @@ from dtwin.bus.signature import Signer, new_key
 from dtwin.bus.stopping import stop
 from dtwin.bus.topics.topic import Topic
 from dtwin.errors import CommunicationError
-from dtwin.parameters import VOLTAGE_LIMIT, Gains
+from dtwin.parameters import VOLTAGE_LIMIT, Gains, every_joint
 from dtwin.signals import Event, EventKind, Sensors, Voltages
 from evidence.siege.intruders import INTRUSIONS
 from evidence.siege.replies import Reply, answer_often, echo, refuse, say
@@ -69,7 +69,7 @@ _REQUESTS: Final[dict[Topic, msgspec.Struct]] = {
     RESET: ResetRequest(5),
     FAULT: FaultRequest(("K2*=0.1@0",)),
     LATCH: LatchRequest("torque off"),
-    SETTINGS: SettingsRequest(Gains((1.0, 1.0, 1.0), (1.0, 1.0, 1.0), (1.0, 1.0, 1.0)), 2.0),
+    SETTINGS: SettingsRequest(Gains(every_joint(1.0), every_joint(1.0), every_joint(1.0)), 2.0),
     SIGNAL: SignalRequest(True),
 }
 

@@ -22,7 +22,7 @@ from dtwin.errors import IdentificationError
 from dtwin.identification.excitation.design import optimise
 from dtwin.identification.excitation.plan import Plan
 from dtwin.identification.excitation.rig import Rig
-from dtwin.parameters import PERIOD, PICKUP, ArmParameters, Triple
+from dtwin.parameters import PERIOD, PICKUP, ArmParameters, JointVector, joint_vector
 from dtwin.pictures import COLOURS, DARK, legend, new_figure
 from dtwin.simulation.figures import fit
 from dtwin.simulation.whatif import MotionCase, Outcome, Simulator
@@ -65,8 +65,8 @@ class Pair:
     arm: Outcome
     twin: Outcome
     samples: int
-    fit: Triple
-    difference: Triple
+    fit: JointVector
+    difference: JointVector
 
 
 def designed() -> Plan:
@@ -206,8 +206,8 @@ def _pair(case: MotionCase, arm_of: Callable[[MotionCase, int], EmulatedArm], si
     latest = max(case.seconds if time is None else time for time in times)
     samples = round(latest / PERIOD)
     one, other = arm.theta[:samples], twin.theta[:samples]
-    first, second, third = np.abs(one - other).max(axis=0).tolist()
-    return Pair(case.settings.target_time, case.payload, arm, twin, samples, fit(one, other), (first, second, third))
+    farthest = joint_vector(np.abs(one - other).max(axis=0))
+    return Pair(case.settings.target_time, case.payload, arm, twin, samples, fit(one, other), farthest)
 
 
 def _fits(runs: Sequence[Sequence[Pair]]) -> Figure:

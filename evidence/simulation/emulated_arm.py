@@ -8,7 +8,7 @@ from dtwin.emulation.encoders import Encoders
 from dtwin.emulation.machine.encoding import encoding_of
 from dtwin.emulation.machine.plant import plant_of
 from dtwin.emulation.machine.sections import IDEAL, Machine
-from dtwin.parameters import PERIOD, ArmParameters, Triple
+from dtwin.parameters import PERIOD, ArmParameters, JointVector
 from dtwin.simulation.whatif import MotionCase
 
 
@@ -38,13 +38,12 @@ class EmulatedArm:
             self._plant.set_payload(case.payload)
         self._record(0)
 
-    def advance(self, tick: int, volts: Triple) -> Triple:
+    def advance(self, tick: int, volts: JointVector) -> JointVector:
         """As `Arm.advance`. Raises DivergenceError when the state leaves the finite numbers."""
         self._plant.apply((*volts, 0.0))
         self._plant.advance(PERIOD)
         self._record(tick + 1)
-        first, second, third, _ = self._encoders.measure(self._plant.sampled, self._plant.time)
-        return first, second, third
+        return tuple(self._encoders.measure(self._plant.sampled, self._plant.time)[:-1])
 
     def _record(self, row: int) -> None:
         self.states[row] = (*self._plant.theta, *self._plant.omega)

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from dtwin.controller.settings import ControlSettings
-from dtwin.parameters import PERIOD, ArmParameters, Triple
+from dtwin.parameters import PERIOD, ArmParameters, JointVector, joint_vector
 from dtwin.simulation.figures import Array
 from dtwin.simulation.margins.loop import ComplexArray
 from dtwin.simulation.whatif import MotionCase, Simulator
@@ -44,10 +44,9 @@ class InjectedArm:
         self._added = np.zeros((ticks, 3))
         self._added[:, motor] = _VOLTS * np.sin(2.0 * math.pi * cycles / WINDOW * np.arange(ticks))
 
-    def advance(self, tick: int, volts: Triple) -> Triple:
+    def advance(self, tick: int, volts: JointVector) -> JointVector:
         """Adds the sine to the voltages (V) of a tick, moves the arm to the next one and returns its angles (rad)."""
-        first, second, third = (np.array(volts) + self._added[tick]).tolist()
-        return self._arm.advance(tick, (first, second, third))
+        return self._arm.advance(tick, joint_vector(np.array(volts) + self._added[tick]))
 
 
 def frequency(cycles: int) -> float:
@@ -56,7 +55,12 @@ def frequency(cycles: int) -> float:
 
 
 def measured_sensitivity(
-    simulator: Simulator, settings: ControlSettings, arm: ArmParameters, payload: float, theta: Triple, cycles: int
+    simulator: Simulator,
+    settings: ControlSettings,
+    arm: ArmParameters,
+    payload: float,
+    theta: JointVector,
+    cycles: int,
 ) -> ComplexArray:
     """Measures the input sensitivity of the loop at one frequency, (3, 3).
 

@@ -19,13 +19,12 @@ from dtwin.emulation.machine.files import machine_of
 from dtwin.emulation.machine.sections import IDEAL, Machine
 from dtwin.identification.estimation.problem import START
 from dtwin.logs.log import Log
-from dtwin.parameters import PERIOD, ArmParameters, Gains, Triple
+from dtwin.parameters import PERIOD, ArmParameters, Gains, JointVector, every_joint, joint_vector
 from dtwin.pictures import COLOURS, RED, legend, new_figure
 from dtwin.run.cell import Cell
 from dtwin.run.settings import CellSettings, sequence_of
 from dtwin.signals import BoxCounts
 from dtwin.simulation.checks import Checker
-from dtwin.simulation.figures import triple
 from dtwin.simulation.history import Entry, History
 from dtwin.simulation.upload import Proposal, Uploader
 from dtwin.simulation.watched_controller import WatchedController
@@ -40,7 +39,7 @@ DURATION: Final = 180.0
 GAINS_AT: Final = 60.0
 MODEL_AT: Final = 120.0
 """s"""
-NO_GAINS: Final = Gains((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+NO_GAINS: Final = Gains(every_joint(0.0), every_joint(0.0), every_joint(0.0))
 SETTLING: Final = 5.0
 """s after an upload that do not count for the phase that it begins"""
 
@@ -60,8 +59,8 @@ class Phase:
     name: str
     start: float
     stop: float
-    rms: Triple
-    largest: Triple
+    rms: JointVector
+    largest: JointVector
     delivered: int
 
 
@@ -139,7 +138,7 @@ def _phase(name: str, start: float, stop: float, log: Log) -> Phase:
     away = (log.stack("target") - log.stack("theta"))[rows]
     delivered = sum(event.kind == "delivered" and start <= event.time < stop for event in log.events)
     rms, largest = np.sqrt(np.mean(away**2, axis=0)), np.abs(away).max(axis=0)
-    return Phase(name, start, stop, triple(rms), triple(largest), delivered)
+    return Phase(name, start, stop, joint_vector(rms), joint_vector(largest), delivered)
 
 
 def upload_report(run: UploadRun) -> Report:

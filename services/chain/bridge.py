@@ -11,6 +11,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Final
 
@@ -18,6 +19,7 @@ from dtwin.arm.adjustment import Adjustment
 from dtwin.arm.model import ArmModel, ArmSettings
 from dtwin.bus.chain.messages import JointAdjustment, JointCommands, JointModel, JointSensors
 from dtwin.bus.messages import ADJUSTED, ADJUSTMENT, EVENTS, JOINT_COMMANDS, JOINT_SENSORS, MODEL, State
+from dtwin.bus.session import Bus
 from dtwin.console.people.desk import keep_desk
 from dtwin.controller.application import TIMEOUT
 from dtwin.controller.chain.application import inputs
@@ -89,36 +91,29 @@ class ArmBridge:
     ) -> None:
         bus = service.bus
         self._service = service
-        self._settings = settings
-        self._inputs = inputs(settings.arm, usual_inertia(settings.arm), settings.control, settings.poses)
-        self._blocks: OwnBlocks | DeviceBlocks = OwnBlocks(self._begun)
+        self._given = given = GivenSettings(settings, bus, self._time)
+        self._blocks: Blocks = OwnBlocks(lambda: ChainController(len(settings.arm), given.inputs))
         if device is not None:
             patience = LOSSLESS_PATIENCE if lossless else TIMEOUT
-            self._blocks = DeviceBlocks(device, len(settings.arm), lambda: self._inputs, patience)
-        joints = Adjustment.none(len(settings.arm))
-        self._in_force = JointAdjustment(NAME, _DATA_SHEET, joints.offset, joints.strength, joints.friction)
-        self._model = JointModel(NAME, _DATA_SHEET, ArmModel.of(settings.arm), settings.control.tuning)
+            self._blocks = DeviceBlocks(device, len(settings.arm), lambda: given.inputs, patience)
         self._last: JointCommands | None = None
         self._before: JointSensors | None = None
         self._backlog = Backlog[JointSensors](service.next, lambda _: None)
         self._answered = self._skipped = 0
         self._fallen = False
         self._publish = bus.publisher(JOINT_COMMANDS, lossless=lossless)
-        self._tell: Callable[[Event], None] = bus.publisher(EVENTS)
-        self._tell_adjusted: Callable[[JointAdjustment], None] = bus.publisher(ADJUSTED)
-        bus.answer(ADJUSTMENT, JointAdjustment, self._adjust, lambda: self._in_force)
-        bus.answer(MODEL, JointModel, self._reckon, lambda: self._model)
         keep_desk(bus)
         bus.subscribe(EVENTS, Event, self._note)
         bus.subscribe(JOINT_SENSORS, JointSensors, service.inbox.put)
         self._stops = Stops(bus, self._publish.sender, lambda: self._blocks, self._time)
+        given.serve(self._blocks, self._stops.answering)
         self._watchdog = None if monitored is None else Watchdog(bus, monitored, self._stops.demand)
 
     def run(self) -> None:
         """Works until it is asked to end."""
         service = self._service
         service.ready()
-        self._tell_adjusted(self._in_force)
+        self._given.tell()
         while not service.stopping:
             sample = service.next(WAIT)
             if sample is not None:
@@ -130,7 +125,7 @@ class ArmBridge:
                 stopped = self._stops.stop != "none"
                 state: State = "waiting" if not self._stops.known else "stopped" if stopped else "running"
                 service.report(state, self._answered, time=self._time(), late_ticks=self._skipped)
-                self._tell_adjusted(self._in_force)
+                self._given.tell()
 
     def _answer(self, sample: JointSensors) -> None:
         """Answers a sample; the same one has the same answer."""
@@ -140,13 +135,12 @@ class ArmBridge:
             return
         if not (self._stops.known or self._stops.remind()):
             return
-        if len(sample.theta) != len(self._settings.arm):
-            log.warning("a sample has %d joints, expected %d", len(sample.theta), len(self._settings.arm))
+        if len(sample.theta) != self._given.joints:
+            log.warning("a sample has %d joints, expected %d", len(sample.theta), self._given.joints)
             return
         gap = 1 if before is None else sample.sequence - before.sequence
         if gap < 1:  # an arm that begins anew: its blocks do so, too, and may not forget a stop
-            none = Adjustment.none(len(self._settings.arm))
-            self._put(JointAdjustment(NAME, _DATA_SHEET, none.offset, none.strength, none.friction))
+            self._given.count_on_data_sheet()
             self._begin_anew(sample, "the arm has begun anew")
         elif gap > GAP or self._fallen:
             self._begin_anew(sample, "it was without torque" if self._fallen else f"{gap - 1} samples were missed")
@@ -161,21 +155,75 @@ class ArmBridge:
         self._publish(answer)
         self._answered += 1
 
+    def _begin_anew(self, sample: JointSensors, why: str) -> None:
+        self._fallen = False
+        self._blocks.restart()
+        self._stops.renewed()
+        self._stops.remind()
+        self._given.say(Event(sample.time, EventKind.RESTORED, f"the blocks begin anew from where the arm is: {why}"))
+
+    def _note(self, event: Event) -> None:
+        """Takes note when the arm has lost its torque, after which it is not where its path is."""
+        self._fallen |= event.kind == EventKind.SAFE and abs(event.time - self._time()) <= RECENT
+
+    def _time(self) -> float:
+        return 0.0 if self._last is None else self._last.time
+
+
+class GivenSettings:
+    """What blocks count on and reckon with, which others ask for and change while they work.
+
+    Args:
+        settings: run of the arm, whose data sheet they begin with.
+        bus: session on which others ask.
+        time: gives the time of the plant, s.
+
+    Attributes:
+        joints: number of joints of the arm.
+        inputs: values of the inputs with which blocks begin.
+        say: publishes an event about the blocks.
+    """
+
+    def __init__(self, settings: ChainSettings, bus: Bus, time: Callable[[], float]) -> None:
+        self.joints = len(settings.arm)
+        self.inputs = inputs(settings.arm, usual_inertia(settings.arm), settings.control, settings.poses)
+        self._settings = settings
+        self._bus = bus
+        self._time = time
+        self._adjustment = _data_sheet(self.joints)
+        self._model = JointModel(NAME, _DATA_SHEET, ArmModel.of(settings.arm), settings.control.tuning)
+        self.say: Callable[[Event], None] = bus.publisher(EVENTS)
+        self._tell_adjusted: Callable[[JointAdjustment], None] = bus.publisher(ADJUSTED)
+
+    def serve(self, blocks: Blocks, answering: AbstractContextManager[object]) -> None:
+        """Answers who asks for what is in force, or changes it in blocks; `answering` keeps samples off them."""
+        self._blocks, self._answering = blocks, answering
+        self._bus.answer(ADJUSTMENT, JointAdjustment, self._adjust, lambda: self._adjustment)
+        self._bus.answer(MODEL, JointModel, self._reckon, lambda: self._model)
+
+    def tell(self) -> None:
+        """Publishes what the blocks count on."""
+        self._tell_adjusted(self._adjustment)
+
+    def count_on_data_sheet(self) -> None:
+        """Lets the blocks count on nothing that was found."""
+        self._put(_data_sheet(self.joints))
+
     def _adjust(self, wished: JointAdjustment) -> JointAdjustment:
         """Lets the blocks count on what was found, on Zenoh's thread.
 
         Raises:
             ParameterError: it is for another number of joints, or out of bounds.
         """
-        if problem := _adjustment(wished).problem(self._settings.arm):
+        if problem := wished.adjustment.problem(self._settings.arm):
             raise ParameterError(f"adjustment: {problem}")
         self._put(wished)
-        self._tell(Event(self._time(), EventKind.UPLOAD, f"{wished.who}: {wished.why}"[:1000]))
+        self.say(Event(self._time(), EventKind.UPLOAD, f"{wished.who}: {wished.why}"[:1000]))
         return wished
 
     def _put(self, wished: JointAdjustment) -> None:
-        self._blocks.adjust(_adjustment(wished))
-        self._in_force = wished
+        self._blocks.adjust(wished.adjustment)
+        self._adjustment = wished
         self._tell_adjusted(wished)
 
     def _reckon(self, wished: JointModel) -> JointModel:
@@ -187,28 +235,11 @@ class ArmBridge:
         arm = check_settings(self._settings, ArmSettings(wished.model, wished.tuning))
         inertia, control = usual_inertia(arm), self._settings.control.tuned(wished.tuning)
         changed, anew = held_inputs(arm, inertia, control), inputs(arm, inertia, control, self._settings.poses)
-        with self._stops.answering:
-            self._inputs, self._model = anew, wished
+        with self._answering:
+            self.inputs, self._model = anew, wished
             self._blocks.reckon_with(changed)
-        self._tell(Event(self._time(), EventKind.UPLOAD, f"settings of {wished.who}: {wished.why}"[:1000]))
+        self.say(Event(self._time(), EventKind.UPLOAD, f"settings of {wished.who}: {wished.why}"[:1000]))
         return wished
-
-    def _begin_anew(self, sample: JointSensors, why: str) -> None:
-        self._fallen = False
-        self._blocks.restart()
-        self._stops.renewed()
-        self._stops.remind()
-        self._tell(Event(sample.time, EventKind.RESTORED, f"the blocks begin anew from where the arm is: {why}"))
-
-    def _note(self, event: Event) -> None:
-        """Takes note when the arm has lost its torque, after which it is not where its path is."""
-        self._fallen |= event.kind == EventKind.SAFE and abs(event.time - self._time()) <= RECENT
-
-    def _begun(self) -> ChainController:
-        return ChainController(len(self._settings.arm), self._inputs)
-
-    def _time(self) -> float:
-        return 0.0 if self._last is None else self._last.time
 
 
 class OwnBlocks:
@@ -272,8 +303,12 @@ class OwnBlocks:
                 raise CommunicationError(f"the safe stop of the blocks: {error}") from None
 
 
-def _adjustment(message: JointAdjustment) -> Adjustment:
-    return Adjustment(message.offset, message.strength, message.friction, message.load)
+def _data_sheet(joints: int) -> JointAdjustment:
+    return JointAdjustment.of(NAME, _DATA_SHEET, Adjustment.none(joints))
+
+
+Blocks = OwnBlocks | DeviceBlocks
+"""The function blocks of an arm, in this process or on a device."""
 
 
 def _between(first: JointSensors, second: JointSensors, share: float) -> JointSensors:

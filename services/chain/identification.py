@@ -19,7 +19,6 @@ import numpy as np
 from dtwin.arm.adjustment import Adjustment
 from dtwin.arm.chain import Array
 from dtwin.arm.file import ArmFile, file_of
-from dtwin.arm.model import ArmModel
 from dtwin.bus.chain.messages import JointAdjustment, JointTick, JointTicks, JointUpload, JointUploadRequest
 from dtwin.bus.messages import (
     ADJUSTED,
@@ -156,7 +155,7 @@ class Identifying:
 
     def _adjust(self, message: JointAdjustment) -> None:
         """Begins anew where the blocks count on something else: it was an arm that changed."""
-        now = Adjustment(message.offset, message.strength, message.friction, message.load)
+        now = message.adjustment
         if len(now.offset) == len(self._settings.arm) and now != self._adjustment:
             self._adjustment = now
             self._motion = Motion(self._settings)
@@ -219,22 +218,15 @@ class Identifying:
         )
 
     def _decide(self, decision: IdentificationDecision) -> IdentificationState:
-        progress = self._progress
-        found = progress.decidable(decision, self._found)
-        if not decision.accept:
-            self._enter(msgspec.structs.replace(progress.state, phase="rejected", text="the model was not kept"))
-            return progress.state
-        path = keep(found, self._known, self._store, decision.name)
-        text = f"kept as {path}"
-        if decision.upload:
-            text = f"{text}, {self._upload(model_without(found, self._adjustment), text)}"
-        accepted = msgspec.structs.replace(progress.state, phase="accepted", text=text[:1000], model_file=str(path))
-        self._enter(accepted)
-        return progress.state
+        def kept(found: Identification) -> tuple[Path, str]:
+            path = keep(found, self._known, self._store, decision.name)
+            return path, f"kept as {path}"
 
-    def _upload(self, model: ArmModel, why: str) -> str:
+        return self._progress.decide(decision, self._found, kept, self._upload, self._time)
+
+    def _upload(self, found: Identification, why: str) -> str:
         """What became of the model in the blocks; it is kept in any case."""
-        bus = self._service.bus
+        bus, model = self._service.bus, model_without(found, self._adjustment)
         try:
             seen = bus.ask(ARM_UPLOAD, None, JointUpload).version
             answer = bus.ask(ARM_UPLOAD, JointUploadRequest(NAME, why[:1000], seen, model), JointUpload)

@@ -127,7 +127,7 @@ class ArmRecovery:
         """A finding, and what follows from it with what the blocks count on now. Raises CommunicationError."""
         found = finding_of(unit)
         now = self._service.bus.ask(ADJUSTMENT, None, JointAdjustment)
-        return found, answer_to(found, self._arm, Adjustment(now.offset, now.strength, now.friction, now.load))
+        return found, answer_to(found, self._arm, now.adjustment)
 
     def _carry_out(self, proposal: Proposal) -> None:
         """Does what a person has approved, if that is still what is found."""
@@ -167,10 +167,7 @@ class ArmRecovery:
                 self._answered.discard(_key(unit))
 
     def _adjust(self, answer: Answer, wished: Adjustment, who: str = NAME) -> None:
-        message = JointAdjustment(
-            who, answer.text[:1000], wished.offset, wished.strength, wished.friction, wished.load
-        )
-        self._service.bus.ask(ADJUSTMENT, message, JointAdjustment)
+        self._service.bus.ask(ADJUSTMENT, JointAdjustment.of(who, answer.text, wished), JointAdjustment)
 
     def _say(self, kind: EventKind, text: str) -> None:
         log.warning("%s", text)

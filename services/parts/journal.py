@@ -27,7 +27,7 @@ from typing import Final
 from dtwin.errors import RecordingError
 from dtwin.files import NO_SPACE, append_whole, reason_of, replacing
 from dtwin.services.parts.latch import Latched
-from dtwin.signals import STOPS, Quad
+from dtwin.signals import STOPS, DriveVector
 
 log = logging.getLogger(__name__)
 
@@ -44,7 +44,7 @@ _TEXT: Final = struct.Struct("<cH")
 _STOP: Final = struct.Struct("<cQB")
 _STATE: Final = struct.Struct("<cI")
 
-Entry = tuple[Quad, bool] | str | bytes
+Entry = tuple[DriveVector, bool] | str | bytes
 """A tick's volts and whether a box was held, a fault, or, first of all, the state of a checkpoint."""
 
 
@@ -122,7 +122,7 @@ class Journal:
         """Begins anew with the state of the cell, which makes everything before it superfluous."""
         self._rewrite(_STATE.pack(b"C", len(state)) + state)
 
-    def command(self, volts: Quad, gripped: bool) -> None:
+    def command(self, volts: DriveVector, gripped: bool) -> None:
         """Notes a tick and the command that held in it."""
         self._ticks += 1
         self._append(_COMMAND.pack(b"V", *volts, gripped))

@@ -16,7 +16,7 @@ from dtwin.run.emulate import emulate
 from dtwin.run.settings import CellSettings
 from dtwin.services.parts.journal import Journal
 from dtwin.services.parts.latch import Latch, Latched
-from dtwin.signals import Event, Quad, Sensors, Voltages
+from dtwin.signals import CellDrives, Event, Sensors, Voltages
 
 NO_COMMAND: Final = Voltages(0, 0.0, (0.0, 0.0, 0.0, 0.0), False)
 """What acts before the first command."""
@@ -26,7 +26,7 @@ class Checkpoint(msgspec.Struct, frozen=True):
     """The cell at a moment of a tick when its command is set: its state, and volts (V) and grip of the command."""
 
     cell: EmulationState
-    volts: Quad
+    volts: CellDrives
     gripped: bool
 
 

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from typing import Final
 
 from dtwin.bus.messages import Acted, Path
-from dtwin.parameters import Triple
-from dtwin.signals import UNKNOWN, Quad, Sensors, StepRecord, Truth, Voltages
+from dtwin.parameters import JointVector, every_joint
+from dtwin.signals import UNKNOWN, DriveVector, Sensors, StepRecord, Truth, Voltages
 
 PATIENCE: Final = 2.0
 """s that a row waits for what belongs to it, where messages may be lost"""
@@ -18,8 +18,8 @@ PENDING_LIMIT: Final = 20_000
 """rows that wait at most"""
 EARLY_LIMIT: Final = 1000
 """ticks that a command may come before its sample: the two come from different senders"""
-NO_TARGET: Final[Triple] = (math.nan, math.nan, math.nan)
-_NO_VOLTS: Final[Quad] = (0.0, 0.0, 0.0, 0.0)
+NO_TARGET: Final[JointVector] = every_joint(math.nan)
+_NO_VOLTS: Final[DriveVector] = (0.0, 0.0, 0.0, 0.0)
 
 
 class _Row:

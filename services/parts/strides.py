@@ -32,6 +32,6 @@ def strides(before: Sensors, now: Sensors) -> list[Sensors]:
         return []
     steps = []
     for k in range(1, count):
-        first, second, third = (a + k / count * (b - a) for a, b in zip(before.theta, now.theta, strict=True))
-        steps.append(msgspec.structs.replace(now, theta=(first, second, third)))
+        theta = tuple(a + k / count * (b - a) for a, b in zip(before.theta, now.theta, strict=True))
+        steps.append(msgspec.structs.replace(now, theta=theta))
     return steps

@@ -50,6 +50,8 @@ def kind(info: Any) -> str:
     if isinstance(info, msgspec.inspect.TupleType):
         kinds = [kind(item) for item in info.item_types]
         return f"{len(kinds)} x {kinds[0]}" if len(set(kinds)) == 1 else f"({', '.join(kinds)})"
+    if isinstance(info, msgspec.inspect.VarTupleType) and info.min_length == info.max_length is not None:
+        return f"{info.min_length} x {inner(info.item_type)}"
     if isinstance(info, msgspec.inspect.VarTupleType | msgspec.inspect.ListType):
         return f"list of {inner(info.item_type)}"
     if isinstance(info, msgspec.inspect.DictType):

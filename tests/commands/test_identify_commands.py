@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+import dtwin
 from dtwin.cli import main
 from dtwin.parameters import PARAMETER_NAMES, load_arm
 from tests.support.identification import ALL, FREE
@@ -101,6 +102,14 @@ def test_models(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     assert different["K1"]["first"] == shown["parameters"]["K1"]
     assert all(0 < entry["standard_errors_apart"] < 5 for entry in different.values())
     assert run_json(capsys, "model", "diff", "arm", "arm@2") == {}
+    assert [str(each.entry) for each in dtwin.models()] == ["arm@1", "arm@2"]
+    assert dtwin.model("arm@1").parameters == shown["parameters"]
+    apart = {name: row.standard_errors_apart for name, row in dtwin.compare_models("arm@1", "arm").items()}
+    assert apart == {name: row["standard_errors_apart"] for name, row in different.items()}
+    with pytest.raises(dtwin.DtwinError, match=r"ends in \.xml or \.json"):
+        dtwin.export_model("arm", "arm.txt")
+    assert main(["model", "export", "arm", "arm.txt"]) == 2
+    assert "or --format" in capsys.readouterr().err
     assert main(["model", "export", "arm@1", "arm.json"]) == 0
     arm = load_arm(tmp_path / "arm.json")
     assert {name: arm.get(name) for name in PARAMETER_NAMES} == shown["parameters"]

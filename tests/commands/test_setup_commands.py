@@ -96,7 +96,8 @@ def test_the_ports_are_those_of_a_cell(capsys: pytest.CaptureFixture[str]) -> No
 def completed(script: str, *words: str) -> list[str]:
     """What bash offers for the last word."""
     asked = f"{script}\nCOMP_WORDS=({' '.join(repr(word) for word in words)})\nCOMP_CWORD={len(words) - 1}\n"
-    asked += '_dtwin\nprintf "%s\\n" "${COMPREPLY[@]}"'
+    asked += f"_shtab_dtwin {' '.join(repr(word) for word in (words[0], words[-1], words[-2]))}\n"
+    asked += 'printf "%s\\n" "${COMPREPLY[@]}"'
     done = subprocess.run(["bash", "-c", asked], capture_output=True, text=True, check=True)
     return done.stdout.split()
 
@@ -104,7 +105,8 @@ def completed(script: str, *words: str) -> list[str]:
 @pytest.mark.skipif(shutil.which("bash") is None, reason="needs bash")
 def test_bash_completes_commands_options_and_choices(capsys: pytest.CaptureFixture[str]) -> None:
     script = printed(capsys, "completion", "bash")
-    assert set(completed(script, "dtwin", "")) == {name.split()[0] for name in COMMANDS} | {"--help", "--version"}
+    assert set(completed(script, "dtwin", "")) == {name.split()[0] for name in COMMANDS}
+    assert set(completed(script, "dtwin", "--")) == {"--help", "--version"}
     assert completed(script, "dtwin", "mach") == ["machine"]
     assert {"check", "run", "trace"} <= set(completed(script, "dtwin", "fb", ""))
     assert completed(script, "dtwin", "up", "--pac") == ["--pace"]

@@ -12,7 +12,7 @@ import pytest
 from dtwin.controller.ports import EMULATOR
 from dtwin.controller.remote import RemoteController
 from dtwin.errors import CommunicationError
-from dtwin.parameters import Triple
+from dtwin.parameters import JointVector
 from dtwin.signals import Event, Sensors, Voltages
 from iec61499.net.address import LOOPBACK, Address
 from iec61499.net.reactor import Reactor
@@ -32,7 +32,7 @@ class Shadow:
         self.steps += 1
         return Voltages(sensors.sequence, sensors.time, (*sensors.theta, -3.0), sensors.box_present)
 
-    def target(self) -> Triple:
+    def target(self) -> JointVector:
         return (float(self.steps), 0.0, 0.0)
 
     def drain_events(self) -> list[Event]:

@@ -9,20 +9,32 @@ from dtwin.emulation.encoders import NoiseKind
 from dtwin.emulation.faults import parse_fault
 from dtwin.emulation.plant import Plant
 from dtwin.errors import DivergenceError, FaultError, ParameterError
-from dtwin.parameters import GRAVITY, HANGING, HOME, PERIOD, PICKUP, PLACES, ArmParameters, GripperParameters, Triple
-from dtwin.signals import Event, Quad, Sensors, Truth, Voltages
+from dtwin.parameters import (
+    GRAVITY,
+    HANGING,
+    HOME,
+    PERIOD,
+    PICKUP,
+    PLACES,
+    ArmParameters,
+    GripperParameters,
+    JointVector,
+)
+from dtwin.signals import DriveVector, Event, Sensors, Truth, Voltages
 
 GRIPPER = GripperParameters()
-STILL: Quad = (0.0, 0.0, 0.0, 0.0)
-CLOSE: Quad = (0.0, 0.0, 0.0, -GRIPPER.volts)
+STILL: DriveVector = (0.0, 0.0, 0.0, 0.0)
+CLOSE: DriveVector = (0.0, 0.0, 0.0, -GRIPPER.volts)
 LOCKED = tuple(parse_fault(f"lock{joint}@0") for joint in (1, 2, 3))
 
 
-def command(sensors: Sensors, volts: Quad = STILL, gripped: bool = False) -> Voltages:
+def command(sensors: Sensors, volts: DriveVector = STILL, gripped: bool = False) -> Voltages:
     return Voltages(sensors.sequence, sensors.time, volts, gripped)
 
 
-def run(cell: Emulation, ticks: int, volts: Quad = STILL, gripped: bool = False) -> list[tuple[Sensors, Truth]]:
+def run(
+    cell: Emulation, ticks: int, volts: DriveVector = STILL, gripped: bool = False
+) -> list[tuple[Sensors, Truth]]:
     samples = []
     for _ in range(ticks):
         sensors = cell.read()
@@ -40,7 +52,7 @@ def kinds(events: list[Event]) -> list[str]:
     return [event.kind for event in events]
 
 
-def with_waiting_box(theta: Triple = PICKUP.theta, seed: int = 0, faults: tuple[str, ...] = ()) -> Emulation:
+def with_waiting_box(theta: JointVector = PICKUP.theta, seed: int = 0, faults: tuple[str, ...] = ()) -> Emulation:
     """A cell whose arm is held in a pose, gripper closed, when the first box has come."""
     cell = Emulation(theta=theta, seed=seed, faults=(*LOCKED, *map(parse_fault, faults)))
     for _ in range(ticks(16)):

@@ -24,7 +24,7 @@ from dtwin.parameters import (
     VOLTAGE_LIMIT,
     ArmParameters,
     GripperParameters,
-    Triple,
+    JointVector,
     scaled,
 )
 from dtwin.twin import dynamics
@@ -118,7 +118,7 @@ values = st.floats(0.5, 2.0)
     volts=st.tuples(*[st.floats(-10.0, 10.0)] * 3),
 )
 def test_accelerations_are_those_of_the_analytic_twin(
-    factors: list[float], coulomb: float, payload: float, theta: Triple, omega: Triple, volts: Triple
+    factors: list[float], coulomb: float, payload: float, theta: JointVector, omega: JointVector, volts: JointVector
 ) -> None:
     scaled_values = [factor * value for factor, value in zip(factors, ARM.vector()[:18], strict=True)]
     arm = ArmParameters.from_vector((*scaled_values, coulomb, coulomb, coulomb))

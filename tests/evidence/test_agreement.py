@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dtwin.emulation.plant import Plant
-from dtwin.parameters import ArmParameters, Triple
+from dtwin.parameters import ArmParameters, JointVector
 from dtwin.twin.dynamics import forward_dynamics
 from evidence.validation import AGREEMENT, validate
 from tests.support.examples import examples
@@ -39,7 +39,9 @@ ARMS = st.builds(
     volts=triples(-10.0, 10.0),
     payload=st.floats(0.0, 0.5),
 )
-def test_accelerations_agree(arm: ArmParameters, theta: Triple, omega: Triple, volts: Triple, payload: float) -> None:
+def test_accelerations_agree(
+    arm: ArmParameters, theta: JointVector, omega: JointVector, volts: JointVector, payload: float
+) -> None:
     PLANT.set_parameters(arm)
     PLANT.set_payload(payload)
     emulated = np.array(PLANT.acceleration(theta, omega, (*volts, 0.0)))

@@ -10,15 +10,15 @@ from hypothesis import strategies as st
 
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.sequence import AMONG_BODIES, CALLS
-from dtwin.parameters import HANGING, PERIOD, PICKUP, PLACES, ArmParameters, Triple
+from dtwin.parameters import HANGING, PERIOD, PICKUP, PLACES, ArmParameters, JointVector
 from dtwin.signals import Sensors
 from tests.support.driven import Driven, to, triple
 
 L1, L2, L3 = ArmParameters().length
-UNDER_THE_BELT: Triple = (-1.33, 0.541, 0.34)
+UNDER_THE_BELT: JointVector = (-1.33, 0.541, 0.34)
 
 
-def height(theta: Triple) -> float:
+def height(theta: JointVector) -> float:
     first, second, third = np.cumsum(theta)
     return float(L1 * math.sin(first) + L2 * math.sin(second) + L3 * math.sin(third))
 
@@ -50,7 +50,7 @@ def test_an_arm_without_a_target_stays_where_it_is() -> None:
 
 
 @given(goal=st.tuples(*[st.floats(-20, 20) | st.just(math.nan) | st.just(math.inf)] * 3), floor=st.floats(-0.5, 0.5))
-def test_a_goal_is_taken_if_it_is_within_all_limits(goal: Triple, floor: float) -> None:
+def test_a_goal_is_taken_if_it_is_within_all_limits(goal: JointVector, floor: float) -> None:
     planner = Driven("PATH_PLANNER")
     for name, angle in triple("THETA_T", goal).items():
         planner.resource.write(f"DUT.{name}", angle)
@@ -74,7 +74,7 @@ def test_a_goal_is_taken_if_it_is_within_all_limits(goal: Triple, floor: float) 
         (PLACES["red"].theta, "green", 3),
     ],
 )
-def test_a_careful_path_is_refused_when_something_is_in_the_way(start: Triple, goal: str, reason: int) -> None:
+def test_a_careful_path_is_refused_when_something_is_in_the_way(start: JointVector, goal: str, reason: int) -> None:
     planner = Driven("PATH_PLANNER")
     planner.fire("TARGET", **to(goal), CAREFUL=1, VIA=True, **triple("THETA", start))
     assert planner["REASON"] == reason
@@ -92,7 +92,7 @@ def test_an_arm_may_leave_what_it_lies_on(careful: int, goal: str, reason: int) 
 class Followed:
     """The application among bodies, with an arm that follows its path exactly."""
 
-    def __init__(self, theta: Triple) -> None:
+    def __init__(self, theta: JointVector) -> None:
         self.blocks = EmbeddedController(sequence=AMONG_BODIES)
         self.theta = theta
         self.ticks = 0
@@ -147,7 +147,7 @@ def test_after_others_have_moved_the_arm_its_way_begins_anew(block: str) -> None
 def test_a_goal_out_of_range_is_a_call_for_help() -> None:
     cell = EmbeddedController()
     cell.resource.write("PLANNER.RANGE3", 1.0)
-    theta: Triple = HANGING
+    theta: JointVector = HANGING
     for tick in range(300):
         cell.step(Sensors(tick, tick * PERIOD, theta, 0.9, False, ""))
         assert cell.target() == theta

@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from dtwin.parameters import HANGING, PICKUP, PLACES, VOLTAGE_LIMIT, ArmParameters, Colour, Place, Triple, scaled
+from dtwin.parameters import HANGING, PICKUP, PLACES, VOLTAGE_LIMIT, ArmParameters, Colour, JointVector, Place, scaled
 from dtwin.twin.dynamics import gravity
 from dtwin.twin.kinematics import forward
 from tests.support.driven import Driven, to, triple
@@ -17,7 +17,7 @@ DEAD_ZONE, SAG = 0.25, 0.05
 HEAVIEST = 0.21
 
 
-def point(name: str, *, via: bool = True) -> Triple:
+def point(name: str, *, via: bool = True) -> JointVector:
     planner = Driven("PATH_PLANNER")
     planner.fire("TARGET", **to(name), VIA=via, **triple("THETA", HANGING))
     first, second, third = planner.triple("THETA_T")

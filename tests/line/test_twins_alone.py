@@ -135,7 +135,7 @@ def test_a_state_that_was_on_its_way_while_a_newer_one_was_answered_does_not_cou
     tell = wire.heard[PLANT_STATE.name]
     for late in (state(9.8), state(10.0)):
         tell(late)
-        assert twin._plant == state(10.0, version=1)
+        assert twin._plant.state == state(10.0, version=1)
     tell(state(10.2, version=1))
     assert twin.time == 10.2
     tell(state(0.2))

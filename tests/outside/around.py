@@ -13,7 +13,7 @@ from dtwin.controller.ports import STOP
 from dtwin.controller.settings import ControlSettings
 from dtwin.emulation.emulation import Emulation
 from dtwin.emulation.machine.sections import IDEAL, Machine
-from dtwin.parameters import Triple
+from dtwin.parameters import JointVector, every_joint
 from dtwin.run.loop import run, tick_count
 from dtwin.signals import Event, EventKind, Sensors, StepRecord, Truth, Voltages
 from tests.outside.effect import Effect
@@ -60,7 +60,7 @@ class Around:
         self._notice(voltages.volts != asked, voltages.time)
         self.emulation.apply(voltages)
         if self._outside.torques:
-            truth, total = self.truth(), (0.0, 0.0, 0.0)
+            truth, total = self.truth(), every_joint(0.0)
             for torque in self._outside.torques:
                 total = _sum(total, torque(truth, voltages))
             self._notice(any(total), voltages.time)
@@ -75,9 +75,8 @@ class Around:
             self.began = min(self.began, time)
 
 
-def _sum(these: Triple, others: Triple) -> Triple:
-    first, second, third = map(add, these, others)
-    return first, second, third
+def _sum(these: JointVector, others: JointVector) -> JointVector:
+    return tuple(map(add, these, others))
 
 
 @dataclass(frozen=True, slots=True)

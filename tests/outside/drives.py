@@ -9,12 +9,12 @@ from collections.abc import Callable
 import numpy as np
 from msgspec.structs import replace
 
-from dtwin.parameters import PERIOD, VOLTAGE_LIMIT, ArmParameters, Triple
-from dtwin.signals import Quad, Truth, Voltages
+from dtwin.parameters import PERIOD, VOLTAGE_LIMIT, ArmParameters, JointVector
+from dtwin.signals import DriveVector, Truth, Voltages
 from tests.outside.effect import Command, Effect, Outside, changed
 
 ALL = (1, 2, 3)
-NONE: Triple = (0.0, 0.0, 0.0)
+NONE: JointVector = (0.0, 0.0, 0.0)
 GRAVITY = 9.81
 _ARM = ArmParameters()
 
@@ -24,7 +24,7 @@ def _volts(change: Callable[[float, int, float], float], joints: tuple[int, ...]
 
     def part(command: Voltages) -> Voltages:
         first, second, third = changed(command.volts[:3], joints, lambda i, v: change(command.time, i, v))
-        volts: Quad = (first, second, third, command.volts[3])
+        volts: DriveVector = (first, second, third, command.volts[3])
         return replace(command, volts=volts)
 
     return part
@@ -34,7 +34,7 @@ def late_commands(ticks: int, *, start: float = 0.0) -> Effect:
     """Voltages that act so many ticks late from a time (s) on."""
 
     def make(_: np.random.Generator) -> Outside:
-        past: deque[Quad] = deque(maxlen=ticks + 1)
+        past: deque[DriveVector] = deque(maxlen=ticks + 1)
 
         def pass_on(command: Voltages) -> Voltages:
             past.append(command.volts)
@@ -49,7 +49,7 @@ def lost_commands(share: float, *, start: float = 5.0) -> Effect:
     """Commands that are lost on the way at random: the one before stays."""
 
     def make(random: np.random.Generator) -> Outside:
-        last: list[Quad] = [(0.0, 0.0, 0.0, 0.0)]
+        last: list[DriveVector] = [(0.0, 0.0, 0.0, 0.0)]
 
         def pass_on(command: Voltages) -> Voltages:
             if command.time < start or random.random() >= share:
@@ -128,7 +128,7 @@ def cogging(torque: float = 0.015, teeth: int = 73, *, joints: tuple[int, ...] =
     def make(random: np.random.Generator) -> Outside:
         phase = random.uniform(0.0, 2 * math.pi, 3)
 
-        def push(truth: Truth, _: Voltages) -> Triple:
+        def push(truth: Truth, _: Voltages) -> JointVector:
             return changed(NONE, joints, lambda i, _: torque * math.sin(teeth * truth.theta[i] + phase[i]))
 
         return Outside(torques=(push,))
@@ -144,7 +144,7 @@ def load_friction(share: float = 0.08) -> Effect:
     """Gears whose friction grows with the torque that they pass on."""
 
     def make(_: np.random.Generator) -> Outside:
-        def push(truth: Truth, command: Voltages) -> Triple:
+        def push(truth: Truth, command: Voltages) -> JointVector:
             def rub(i: int, _: float) -> float:
                 return _rub(share * abs(_ARM.voltage_constant[i] * command.volts[i]), truth.omega[i])
 
@@ -159,7 +159,7 @@ def oil(change: float, time_constant: float = 300.0) -> Effect:
     """Bearings whose viscous damping goes to so many N m s/rad more or less while they warm (s)."""
 
     def make(_: np.random.Generator) -> Outside:
-        def push(truth: Truth, _: Voltages) -> Triple:
+        def push(truth: Truth, _: Voltages) -> JointVector:
             now = change * math.expm1(-max(truth.time, 0.0) / time_constant)
             return changed(NONE, ALL, lambda i, _: now * truth.omega[i])
 
@@ -172,7 +172,7 @@ def shove(torque: float, *, length: float = 0.3, start: float = 5.0, joints: tup
     """Somebody pushes joints (N m) for a while (s)."""
 
     def make(_: np.random.Generator) -> Outside:
-        def push(truth: Truth, _: Voltages) -> Triple:
+        def push(truth: Truth, _: Voltages) -> JointVector:
             acts = start <= truth.time + 1e-6 < start + length
             return changed(NONE, joints, lambda _i, _v: torque if acts else 0.0)
 
@@ -187,7 +187,7 @@ def off_centre(distance: float = 0.02) -> Effect:
     def make(random: np.random.Generator) -> Outside:
         angle = random.uniform(0.0, 2 * math.pi)
 
-        def push(truth: Truth, _: Voltages) -> Triple:
+        def push(truth: Truth, _: Voltages) -> JointVector:
             moment = -truth.payload_mass * GRAVITY * distance * math.cos(sum(truth.theta) + angle)
             return moment, moment, moment
 
@@ -203,7 +203,7 @@ def liquid(share: float = 0.5, frequency: float = 2.5, damping: float = 0.05) ->
         sway, rate, last = [0.0], [0.0], [math.nan]
         w = 2 * math.pi * frequency
 
-        def push(truth: Truth, _: Voltages) -> Triple:
+        def push(truth: Truth, _: Voltages) -> JointVector:
             angles = np.cumsum(truth.theta)
             lever = np.cumsum((np.asarray(_ARM.length) * np.sin(angles))[::-1])[::-1]
             speed = -float(lever @ np.asarray(truth.omega))
@@ -227,7 +227,7 @@ def spring(stiffness: float, rest: float = 0.0, *, start: float = 0.0, joints: t
     """A cable that pulls joints towards an angle (N m/rad, rad)."""
 
     def make(_: np.random.Generator) -> Outside:
-        def push(truth: Truth, _: Voltages) -> Triple:
+        def push(truth: Truth, _: Voltages) -> JointVector:
             acts = stiffness if truth.time >= start else 0.0
             return changed(NONE, joints, lambda i, _: acts * (rest - truth.theta[i]))
 
@@ -242,7 +242,7 @@ def rough_floor(torque: float, frequency: float = 11.0) -> Effect:
     def make(random: np.random.Generator) -> Outside:
         phase = random.uniform(0.0, 2 * math.pi, 3)
 
-        def push(truth: Truth, _: Voltages) -> Triple:
+        def push(truth: Truth, _: Voltages) -> JointVector:
             return changed(NONE, ALL, lambda i, _: torque * math.sin(2 * math.pi * frequency * truth.time + phase[i]))
 
         return Outside(torques=(push,))
@@ -254,7 +254,7 @@ def tight_spot(torque: float, angle: float, *, width: float = 0.1, start: float 
     """A bearing that rubs at one angle (rad) of a joint (N m)."""
 
     def make(_: np.random.Generator) -> Outside:
-        def push(truth: Truth, _: Voltages) -> Triple:
+        def push(truth: Truth, _: Voltages) -> JointVector:
             i = joint - 1
             near = truth.time >= start and abs(truth.theta[i] - angle) < width
             return changed(NONE, (joint,), lambda i, _: _rub(torque if near else 0.0, truth.omega[i]))

@@ -11,14 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 from msgspec.structs import replace
 
-from dtwin.parameters import Triple
+from dtwin.parameters import JointVector
 from dtwin.signals import Sensors, Truth, Voltages
 
 Reading = Callable[[Sensors, Truth], Sensors]
 """A sample as it reaches the controller, from what the plant gave in its true state; called once a tick."""
 Command = Callable[[Voltages], Voltages]
 """A command as it reaches the plant; called once a tick."""
-Torque = Callable[[Truth, Voltages], Triple]
+Torque = Callable[[Truth, Voltages], JointVector]
 """Torques on the joints (N m) until the next tick, in a true state and under the command that acts."""
 
 _TINY = 1e-6
@@ -103,7 +103,7 @@ def since(effect: Effect, start: float) -> Effect:
             return pass_on
 
         def torque(part: Torque) -> Torque:
-            def push(truth: Truth, voltages: Voltages) -> Triple:
+            def push(truth: Truth, voltages: Voltages) -> JointVector:
                 given = part(truth, voltages)
                 return given if truth.time >= start - _TINY else (0.0, 0.0, 0.0)
 
@@ -123,7 +123,6 @@ def nothing(_: np.random.Generator) -> Outside:
     return Outside()
 
 
-def changed(values: Triple, joints: tuple[int, ...], change: Callable[[int, float], float]) -> Triple:
+def changed(values: JointVector, joints: tuple[int, ...], change: Callable[[int, float], float]) -> JointVector:
     """The values, those of the given joints (1 to 3) changed by a function of index (0 to 2) and value."""
-    first, second, third = (change(i, value) if i + 1 in joints else value for i, value in enumerate(values))
-    return first, second, third
+    return tuple(change(i, value) if i + 1 in joints else value for i, value in enumerate(values))

@@ -8,7 +8,7 @@ from collections import deque
 import numpy as np
 from msgspec.structs import replace
 
-from dtwin.parameters import Triple
+from dtwin.parameters import JointVector
 from dtwin.signals import Sensors, Truth
 from tests.outside.effect import Effect, Outside, Reading, changed
 
@@ -44,7 +44,7 @@ def freeze(*, every: float = 0.2, length: float = 0.1, start: float = 5.0, joint
     """Encoders that repeat their last reading for a while (s), every so often (s)."""
 
     def make(_: np.random.Generator) -> Outside:
-        last: list[Triple] = [(0.0, 0.0, 0.0)]
+        last: list[JointVector] = [(0.0, 0.0, 0.0)]
 
         def stand(sensors: Sensors, _: Truth) -> Sensors:
             return replace(sensors, theta=changed(sensors.theta, joints, lambda i, _: last[0][i]))
@@ -143,7 +143,7 @@ def drop(share: float, *, start: float = 5.0, joints: tuple[int, ...] = ALL) -> 
     """A bad contact: readings that repeat the one before, at random."""
 
     def make(random: np.random.Generator) -> Outside:
-        last: list[Triple | None] = [None]
+        last: list[JointVector | None] = [None]
 
         def read(sensors: Sensors, _: Truth) -> Sensors:
             before = last[0]
@@ -189,7 +189,7 @@ def late_readings(ticks: int, *, start: float = 0.0) -> Effect:
     """Angles that come so many ticks late from a time (s) on."""
 
     def make(_: np.random.Generator) -> Outside:
-        past: deque[Triple] = deque(maxlen=ticks + 1)
+        past: deque[JointVector] = deque(maxlen=ticks + 1)
 
         def read(sensors: Sensors, _: Truth) -> Sensors:
             past.append(sensors.theta)

@@ -30,7 +30,7 @@ from dtwin.controller.device import Outcome
 from dtwin.controller.sequence import AMONG_BODIES, CALLS, STRAIGHT, SequenceSettings
 from dtwin.controller.settings import ControlSettings, usual_gains
 from dtwin.errors import CommunicationError, RecordingError
-from dtwin.parameters import ArmParameters, Gains, Triple
+from dtwin.parameters import ArmParameters, Gains, JointVector
 from dtwin.services import bridge
 from dtwin.services.parts.answering import connection
 from dtwin.services.parts.state_file import StateFile
@@ -102,7 +102,7 @@ class Loop:
         self._alive()
         assert recent
 
-    def last_angles(self) -> Triple | None:
+    def last_angles(self) -> JointVector | None:
         self._alive()
         return None
 
@@ -124,7 +124,7 @@ class Loop:
     def set_payload(self, mass: float) -> ControlSettings:
         return self._change(payload=mass)
 
-    def set_offsets(self, offsets: Triple) -> ControlSettings:
+    def set_offsets(self, offsets: JointVector) -> ControlSettings:
         return self._change(encoder_offset=offsets)
 
     def _change(self, **values: object) -> ControlSettings:

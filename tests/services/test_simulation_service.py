@@ -29,7 +29,7 @@ from dtwin.identification.excitation.plan import Plan
 from dtwin.identification.excitation.rig import Rig
 from dtwin.identification.model import write_model
 from dtwin.identification.result import from_estimate
-from dtwin.parameters import ArmParameters, Triple, scaled
+from dtwin.parameters import ArmParameters, JointVector, scaled
 from dtwin.services import simulation
 from dtwin.services.runfile import join
 from dtwin.signals import Sensors
@@ -422,7 +422,7 @@ def standing_still(cell: Desk) -> Iterator[None]:
 
 def until_calm(samples: int = 200) -> None:
     """The arm has been near its path for a while: one that a wrong model has thrown off fails the next trial."""
-    angles: dict[int, Triple] = {}
+    angles: dict[int, JointVector] = {}
     inside = 0
 
     def judge(path: PathAngles) -> None:

@@ -12,7 +12,7 @@ import pytest
 from dtwin.controller.motion import MotionController
 from dtwin.controller.runtime import Runtime, chosen
 from dtwin.controller.settings import LAWS, USUAL_GAINS, Compensation, ControlSettings, usual_gains
-from dtwin.parameters import COULOMB_WIDTH, PERIOD, PICKUP, PLACES, ArmParameters, Law, Triple
+from dtwin.parameters import COULOMB_WIDTH, PERIOD, PICKUP, PLACES, ArmParameters, JointVector, Law
 from dtwin.run.cell_file import cell_of
 from dtwin.simulation.margins.demands import MARGINS, STABILITY, cases, demanded_margins
 from dtwin.simulation.margins.loop import Loop, Plant, StateSpace, linear_arm, linear_blocks, linear_loop
@@ -132,7 +132,7 @@ def test_linear_blocks_answer_as_the_blocks_do(simulator: Simulator, law: Law) -
 
 @pytest.mark.parametrize("payload", [0.0, 0.2])
 def test_linear_arm_moves_as_the_twin_does(payload: float) -> None:
-    theta: Triple = PLACES["green"].theta
+    theta: JointVector = PLACES["green"].theta
     plant = linear_arm(ARM, payload, theta)
     sampled = plant.sampled()
     found = moved_freely(theta, payload)
@@ -141,7 +141,7 @@ def test_linear_arm_moves_as_the_twin_does(payload: float) -> None:
     assert (sampled.A @ state)[:6] == pytest.approx(found[1], rel=1e-5, abs=1e-12)
 
 
-def moved_freely(theta: Triple, payload: float) -> tuple[np.ndarray, np.ndarray]:
+def moved_freely(theta: JointVector, payload: float) -> tuple[np.ndarray, np.ndarray]:
     """A small displacement from rest and what it is one tick later, by the twin's own integration."""
     vector = np.array(ARM.vector())
     hold = gravity(np.array(theta), vector, payload, False) / np.array(ARM.voltage_constant)

@@ -7,7 +7,7 @@ import pytest
 
 from dtwin.controller.motion import MotionController
 from dtwin.controller.settings import ControlSettings
-from dtwin.parameters import PICKUP, PLACES, ArmParameters, Gains, Triple
+from dtwin.parameters import PICKUP, PLACES, ArmParameters, Gains, JointVector
 from dtwin.simulation.margins.loop import linear_loop
 from dtwin.simulation.whatif import MotionCase, Simulator
 
@@ -19,12 +19,12 @@ def all_joints(kp: float, ki: float, kd: float) -> Gains:
 
 
 def spectral_radius(
-    controller: MotionController, settings: ControlSettings, arm: ArmParameters, payload: float, theta: Triple
+    controller: MotionController, settings: ControlSettings, arm: ArmParameters, payload: float, theta: JointVector
 ) -> float:
     return linear_loop(controller, settings, arm, payload, theta).radius()
 
 
-def growth(simulator: Simulator, settings: ControlSettings, payload: float, theta: Triple, ticks: int) -> float:
+def growth(simulator: Simulator, settings: ControlSettings, payload: float, theta: JointVector, ticks: int) -> float:
     """The factor by which a small displacement at rest grows in a tick, taken over the last half of the ticks."""
     start = (theta[0] + 1e-9, theta[1] - 1e-9, theta[2] + 1e-9)
     outcome = simulator.run(MotionCase(theta, settings, start, payload=payload, duration=ticks / 100))
@@ -36,7 +36,7 @@ def growth(simulator: Simulator, settings: ControlSettings, payload: float, thet
 
 @pytest.mark.parametrize("payload", [0.0, 0.2])
 @pytest.mark.parametrize("place", [PICKUP.theta, *(place.theta for place in PLACES.values())])
-def test_usual_gains_are_stable_everywhere(simulator: Simulator, place: Triple, payload: float) -> None:
+def test_usual_gains_are_stable_everywhere(simulator: Simulator, place: JointVector, payload: float) -> None:
     radius = spectral_radius(simulator.controller, ControlSettings(), ARM, payload, place)
     # Ki / Kp of joint 1 is the slowest mode: exp(-0.375 * 0.01) to first order in Ki.
     assert 0.995 < radius < 0.9970

@@ -301,7 +301,7 @@ def test_not_a_number_and_wrong_shapes_never_become_settings() -> None:
     with pytest.raises(ParameterError, match="kp1"):
         usual_gains("computed_torque", kp=(float("nan"), 1.0, 1.0))
     with pytest.raises(ParameterError, match="mass: expected 3 values"):
-        ArmParameters(mass=(0.1, 0.1))  # type: ignore[arg-type]  # the shape is wrong
+        ArmParameters(mass=(0.1, 0.1))
     with pytest.raises(ParameterError, match="target time"):
         ControlSettings(target_time=float("inf"))
 

@@ -7,12 +7,10 @@ import numpy as np
 
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.settings import ControlSettings
-from dtwin.parameters import HANGING, PERIOD, ArmParameters, GripperParameters, Triple
-from dtwin.signals import Sensors
+from dtwin.parameters import HANGING, PERIOD, ArmParameters, GripperParameters, JointVector
+from dtwin.signals import DriveVector, Sensors
 from dtwin.twin.dynamics import Array
 from dtwin.twin.rollout import rollout
-
-Volts = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -22,7 +20,7 @@ class Instant:
     state: Array
     gripper: float
     payload: float
-    volts: Volts
+    volts: DriveVector
 
 
 def closed_loop(ticks: int, colour: str = "", mass: float = 0.0, late: bool = False) -> Iterator[Instant]:
@@ -37,9 +35,9 @@ def closed_loop(ticks: int, colour: str = "", mass: float = 0.0, late: bool = Fa
     embedded, arm = EmbeddedController(ControlSettings()), ArmParameters()
     state = np.array((*HANGING, 0.0, 0.0, 0.0))
     gripper, speed, payload, gripped = GripperParameters().opened, 0.0, 0.0, False
-    before: Volts = (0.0, 0.0, 0.0, 0.0)
+    before: DriveVector = (0.0, 0.0, 0.0, 0.0)
     for tick in range(ticks):
-        theta: Triple = (state[0], state[1], state[2])
+        theta: JointVector = (state[0], state[1], state[2])
         command = embedded.step(Sensors(tick, tick * PERIOD, theta, gripper, bool(colour), colour))
         if command.box_gripped != gripped:
             gripped, payload = command.box_gripped, mass if command.box_gripped else 0.0

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from dtwin.emulation.contact.bodies import Bodies
 from dtwin.emulation.machine.sections import Contact
 from dtwin.emulation.plant import Plant
-from dtwin.parameters import PERIOD, PICKUP, PLACES, ArmParameters, Triple
+from dtwin.parameters import PERIOD, PICKUP, PLACES, ArmParameters, JointVector
 from dtwin.twin.dynamics import inverse_dynamics
 from tests.support.driven import Driven, to, triple
 
@@ -48,7 +48,7 @@ class Hand:
         self,
         contact: Contact,
         mass: float,
-        at: Triple = PICKUP.theta,
+        at: JointVector = PICKUP.theta,
         box: tuple[float, float, float] = (0.2, -0.002, -0.2),
     ) -> None:
         self.bodies = Bodies(contact)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 
 from dtwin.errors import ParameterError, UnreachableError
-from dtwin.parameters import HOME, PICKUP, PLACES, ArmParameters, Place, Triple
+from dtwin.parameters import HOME, PICKUP, PLACES, ArmParameters, JointVector, Place
 from dtwin.twin.kinematics import Elbow, forward, inverse, joint_positions
 from tests.support.arms import DEFAULT, arms, reals, triples
 
@@ -49,7 +49,7 @@ def test_both_elbows_reach_every_place_and_lie_on_their_side(place: Place, elbow
 
 
 @given(theta=triples(reals(-3.1, 3.1)), parameters=arms)
-def test_inverse_undoes_forward(theta: Triple, parameters: ArmParameters) -> None:
+def test_inverse_undoes_forward(theta: JointVector, parameters: ArmParameters) -> None:
     x, y, phi = forward(theta, parameters)
     back = inverse(x, y, parameters, phi, "up" if theta[1] < 0 else "down")
     # Where the elbow is stretched or folded, acos turns rounding of d^2 (1e-16 relative to the wrist's distance

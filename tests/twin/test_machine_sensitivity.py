@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dtwin.parameters import PERIOD, VOLTAGE_LIMIT, ArmParameters, Triple
+from dtwin.parameters import PERIOD, VOLTAGE_LIMIT, ArmParameters, JointVector
 from dtwin.twin.effects import Effects
 from dtwin.twin.machine import EXTRA_NAMES, MACHINE_NAMES, SUBSTEP, WIDTH, Array, integrate_machine, vector_of
 from dtwin.twin.machine_sensitivity import linearise_machine
@@ -69,7 +69,7 @@ def check(begun: Begun) -> Array:
     return slopes
 
 
-def triples(least: float, most: float) -> st.SearchStrategy[Triple]:
+def triples(least: float, most: float) -> st.SearchStrategy[JointVector]:
     numbers = st.floats(least, most)
     return st.just((0.0, 0.0, 0.0)) | st.tuples(numbers, numbers, numbers)
 

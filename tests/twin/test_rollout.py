@@ -6,7 +6,7 @@ import pytest
 from scipy.integrate import simpson
 
 from dtwin.errors import DivergenceError, ParameterError
-from dtwin.parameters import GRAVITY, HANGING, PHYSICS_STEP, ArmParameters, Triple, scaled
+from dtwin.parameters import GRAVITY, HANGING, PHYSICS_STEP, ArmParameters, JointVector, scaled
 from dtwin.twin.dynamics import forward_dynamics, friction, motor_torque
 from dtwin.twin.energy import energy
 from dtwin.twin.rollout import rollout, rollout_ends
@@ -16,7 +16,7 @@ REST = np.zeros(6)
 FRICTION = DEFAULT.with_values({"mu1": 0.01, "mu2": 0.01, "mu3": 0.01})
 
 
-def fall(parameters: ArmParameters, theta: Triple, seconds: float) -> Array:
+def fall(parameters: ArmParameters, theta: JointVector, seconds: float) -> Array:
     """The states of an arm without voltage, one row a physics step."""
     steps = round(seconds / PHYSICS_STEP)
     return rollout(parameters, [*theta, 0, 0, 0], np.zeros((steps, 3)), period=PHYSICS_STEP, substeps=1)

@@ -14,7 +14,7 @@ from PIL import Image, ImageSequence
 
 from dtwin.cli import main
 from dtwin.errors import ParameterError
-from dtwin.parameters import PERIOD, PICKUP, PLACES, ROOT, Triple
+from dtwin.parameters import PERIOD, PICKUP, PLACES, ROOT, JointVector
 from dtwin.signals import Event
 from dtwin.view.shown.film import Captions, encode_gif
 from dtwin.view.shown.film_settings import FilmSettings
@@ -109,7 +109,7 @@ def test_a_film_shows_arm_and_box_where_the_log_has_them(tmp_path: Path) -> None
     model = mujoco.MjModel.from_xml_path(str(MODEL))
     data = mujoco.MjData(model)
 
-    def elbow(theta: Triple) -> tuple[int, int]:
+    def elbow(theta: JointVector) -> tuple[int, int]:
         data.qpos[:3] = theta
         mujoco.mj_forward(model, data)
         return pixel(data.geom("link_2_hub_cap").xpos, data, model)

@@ -14,7 +14,7 @@ from rerun.chunk import RrdReader
 from dtwin.errors import ModelError, NoSpaceError, RecordingError
 from dtwin.logs.collecting import RunLog
 from dtwin.logs.log import Log
-from dtwin.parameters import PICKUP, PLACES, ROOT, ArmParameters, Colour
+from dtwin.parameters import PICKUP, PLACES, ROOT, ArmParameters, Colour, JointVector
 from dtwin.signals import Event, Sensors, StepRecord, Truth, Voltages
 from dtwin.view.write import write_recording
 from tests.support.disks import full_disk
@@ -25,7 +25,7 @@ TICKS = 300
 pytestmark = pytest.mark.filterwarnings("error::rerun.error_utils.RerunWarning")
 
 
-def record(tick: int, colour: str, theta: tuple[float, float, float], held: bool) -> StepRecord:
+def record(tick: int, colour: str, theta: JointVector, held: bool) -> StepRecord:
     t = 0.01 * tick
     measured = (theta[0] + 1e-3, theta[1], theta[2])
     target = (theta[0] + 2e-3, theta[1] - 1e-3, theta[2])

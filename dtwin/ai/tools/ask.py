@@ -22,7 +22,7 @@ from dtwin.controller.motion import MotionController
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.monitoring.kinds import KINDS, parse_fault_id
-from dtwin.parameters import ArmParameters, Gains, Triple
+from dtwin.parameters import ArmParameters, Gains, joint_vector
 from dtwin.recovery.answers import answer_to
 from dtwin.recovery.margins import control_settings
 from dtwin.recovery.strength import RESERVE, holding
@@ -166,16 +166,10 @@ def gains_of(now: Upload, kp: list[float] | None, ki: list[float] | None, kd: li
     if kp is None and ki is None and kd is None:
         return None
     return Gains(
-        now.gains.kp if kp is None else three(kp),
-        now.gains.ki if ki is None else three(ki),
-        now.gains.kd if kd is None else three(kd),
+        now.gains.kp if kp is None else joint_vector(kp),
+        now.gains.ki if ki is None else joint_vector(ki),
+        now.gains.kd if kd is None else joint_vector(kd),
     )
-
-
-def three(values: list[float]) -> Triple:
-    """Three values of a list."""
-    first, second, third = values
-    return first, second, third
 
 
 def _figures(predicted: Predicted) -> dict[str, Any]:

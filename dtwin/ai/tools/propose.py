@@ -10,13 +10,14 @@ from pydantic import Field
 from dtwin.ai.marking import marked
 from dtwin.ai.station import Station
 from dtwin.ai.tools.arguments import Box, FaultNames, Kd, Ki, Kp, ModelName, Offsets, TargetTime, Version, Why
-from dtwin.ai.tools.ask import gains_of, three
+from dtwin.ai.tools.ask import gains_of
 from dtwin.bus.messages import LOOK, PROPOSE
 from dtwin.bus.proposals.messages import Look, Proposal, ProposalRequest
 from dtwin.bus.twin_messages import Upload, UploadRequest
 from dtwin.errors import ParameterError
 from dtwin.identification.store import ModelStore
 from dtwin.monitoring.kinds import KINDS, parse_fault_id
+from dtwin.parameters import joint_vector
 
 
 class Proposing:
@@ -104,7 +105,7 @@ def others_of(
     """
     found: dict[str, Any] = {"payload": box}
     if encoder_offset is not None:
-        found["encoder_offset"] = three(encoder_offset)
+        found["encoder_offset"] = joint_vector(encoder_offset)
     if model is not None:
         arm = ModelStore(station.files.store).load(model).arm
         # No upload compensates the Coulomb friction of a model, but the check knows of it.

@@ -9,6 +9,7 @@ from typing import Annotated, Final
 
 import msgspec
 
+from dtwin.arm.adjustment import Adjustment
 from dtwin.arm.model import ArmModel, ArmTuning
 from dtwin.signals import SCHEMA, Count, Line, Seconds, Word
 
@@ -86,6 +87,16 @@ class JointAdjustment(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEM
     strength: Joints
     friction: Joints
     load: float = 0.0
+
+    @classmethod
+    def of(cls, who: str, why: str, found: Adjustment) -> JointAdjustment:
+        """What somebody wishes the blocks to count on."""
+        return cls(who, why[:1000], found.offset, found.strength, found.friction, found.load)
+
+    @property
+    def adjustment(self) -> Adjustment:
+        """What the blocks count on."""
+        return Adjustment(self.offset, self.strength, self.friction, self.load)
 
 
 class JointModel(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):

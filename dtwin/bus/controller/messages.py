@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import msgspec
 
-from dtwin.parameters import ArmParameters, Gains, Law, PayloadModel, Triple
+from dtwin.parameters import ONE_A_JOINT, ArmParameters, CellJoints, Gains, Law, PayloadModel, every_joint
 from dtwin.signals import SCHEMA, Count
 
 
@@ -26,7 +28,7 @@ class SettingsRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEM
     target_time: float | None = None
     model: ArmParameters | None = None
     payload: float | None = None
-    encoder_offset: Triple | None = None
+    encoder_offset: CellJoints | None = None
 
 
 class SettingsInForce(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
@@ -54,7 +56,7 @@ class SettingsInForce(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEM
     delay: float = 0.01
     dead_zone: float = 0.0
     bandwidth: float = 100.0
-    encoder_offset: Triple = (0.0, 0.0, 0.0)
+    encoder_offset: CellJoints = every_joint(0.0)
 
 
 class SignalRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
@@ -73,7 +75,7 @@ class IdentificationSignal(msgspec.Struct, frozen=True, tag_field="schema", tag=
         samples: length, ticks.
     """
 
-    amplitude: Triple
+    amplitude: CellJoints
     unit: Count
-    delay: tuple[Count, Count, Count]
+    delay: Annotated[tuple[Count, ...], ONE_A_JOINT]
     samples: Count

@@ -12,7 +12,7 @@ import msgspec
 from dtwin.bus.line.messages import FlowEffect, SetUpRequest
 from dtwin.bus.twin_messages import Upload, UploadRequest
 from dtwin.names import Name
-from dtwin.parameters import Triple
+from dtwin.parameters import CellJoints
 from dtwin.signals import SCHEMA, Count, Line, Seconds, Word
 
 Kind = Literal["settings", "answer", "acknowledge", "stop", "diagnosis", "set-up", "settle"]
@@ -79,11 +79,11 @@ class Effect(msgspec.Struct, frozen=True):
         difference: what changes, in words, one for each value.
     """
 
-    tracking: Triple
+    tracking: CellJoints
     disk_margin: float
-    peak_volts: Triple
+    peak_volts: CellJoints
     difference: tuple[Line, ...]
-    tracking_now: Triple | None = None
+    tracking_now: CellJoints | None = None
     disk_margin_now: float = 0.0
 
 

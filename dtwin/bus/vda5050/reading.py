@@ -6,7 +6,7 @@ from typing import Final, Generic, TypeVar
 
 import msgspec
 
-from dtwin.bus.codec import SIZE_LIMIT, MessageError
+from dtwin.bus.codec import MessageError, decoded
 from dtwin.bus.vda5050.messages import VERSION, Header
 
 M = TypeVar("M", bound=Header)
@@ -38,16 +38,7 @@ class RobotReader(Generic[M]):
             MessageError: it is too long, no JSON, of another version or another vehicle, not newer than the last one
                 that was read, or a field is missing, not finite or out of range.
         """
-        if len(payload) > SIZE_LIMIT:
-            raise MessageError("too long", f"expected at most {SIZE_LIMIT} bytes, got {len(payload)}")
-        try:
-            found = self._decode(payload)
-        except msgspec.ValidationError as error:
-            raise MessageError("invalid", str(error)) from None
-        except (msgspec.DecodeError, UnicodeDecodeError) as error:
-            raise MessageError("malformed", str(error)) from None
-        except RecursionError:
-            raise MessageError("malformed", "nested too deeply") from None
+        found = decoded(self._decode, payload)
         major = VERSION.partition(".")[0]
         if found.version.partition(".")[0] != major:
             raise MessageError("invalid", f"version: expected {major}.x.y, got {found.version}")

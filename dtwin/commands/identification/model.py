@@ -2,33 +2,25 @@
 
 from __future__ import annotations
 
-import math
 import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
-import msgspec
 import tyro
 from rich.console import Console
 from rich.table import Column, Table
 
-from dtwin.errors import ModelError
-from dtwin.files import replacing
-from dtwin.identification.mjcf import export_mjcf
-from dtwin.identification.model import IdentifiedModel, read_model
-from dtwin.identification.store import STORE, ModelStore, StoredModel, open_model
+from dtwin.api.kept.models import compare_models, export_model, model_store, models
+from dtwin.api.kept.models import model as kept_model
+from dtwin.commands.frame import arguments_as_options
+from dtwin.identification.model import IdentifiedModel
+from dtwin.identification.store import StoredModel
 from dtwin.parameters import PARAMETER_NAMES
-from dtwin.services.runfile import kept
 from dtwin.terminal import as_text, print_json, print_table
 
 _DIFFERENT = 3.0
 """standard errors from which two estimates count as different"""
-
-
-def _folder(given: Path | None, cell: str) -> Path:
-    """The folder of models that an option names, or that of a cell."""
-    return given or kept(cell, "store", STORE)
 
 
 @dataclass(frozen=True)
@@ -43,28 +35,27 @@ class ModelList:
     """Print one JSON array on standard output and nothing else."""
 
     def execute(self) -> int:
-        store = ModelStore(_folder(self.store, self.cell))
-        entries = [(entry, read_model(entry.path)) for name in store.names() for entry in store.history(name)]
+        entries = models(store=self.store, cell=self.cell)
         if self.json:
             rows = [
                 {
-                    "name": entry.name,
-                    "revision": entry.revision,
-                    "file": str(entry.path),
-                    "free": model.free,
-                    "unidentifiable": model.unidentifiable,
-                    "fit": model.validity.fit,
-                    "residual_white": model.validity.residual_white,
-                    "fingerprint": model.data.fingerprint,
+                    "name": each.entry.name,
+                    "revision": each.entry.revision,
+                    "file": str(each.entry.path),
+                    "free": each.model.free,
+                    "unidentifiable": each.model.unidentifiable,
+                    "fit": each.model.validity.fit,
+                    "residual_white": each.model.validity.residual_white,
+                    "fingerprint": each.model.data.fingerprint,
                 }
-                for entry, model in entries
+                for each in entries
             ]
             print_json(rows)
             return 0
-        title = as_text(f"identified models in {store.folder}")
+        title = as_text(f"identified models in {model_store(self.store, self.cell).folder}")
         table = Table("model", "estimated", "fit", "residuals", "data", title=title)
-        for entry, model in entries:
-            _add(table, entry, model)
+        for each in entries:
+            _add(table, each.entry, each.model)
         print_table(table)
         return 0
 
@@ -83,7 +74,7 @@ class ModelShow:
     """Print the model's JSON and nothing else."""
 
     def execute(self) -> int:
-        model = open_model(self.model, ModelStore(_folder(self.store, self.cell)))
+        model = kept_model(self.model, store=self.store, cell=self.cell)
         if self.json:
             print_json(model)
             return 0
@@ -123,17 +114,7 @@ class ModelDiff:
     """Print one JSON object on standard output and nothing else."""
 
     def execute(self) -> int:
-        store = ModelStore(_folder(self.store, self.cell))
-        one, other = open_model(self.first, store), open_model(self.second, store)
-        rows = {
-            name: {
-                "first": one.parameters[name],
-                "second": other.parameters[name],
-                "standard_errors_apart": _apart(one, other, name),
-            }
-            for name in PARAMETER_NAMES
-            if one.parameters[name] != other.parameters[name]
-        }
+        rows = compare_models(self.first, self.second, store=self.store, cell=self.cell)
         if self.json:
             print_json(rows)
             return 0
@@ -144,9 +125,7 @@ class ModelDiff:
         names = (Column(as_text(name)) for name in (self.first, self.second))
         table = Table("", *names, "change", "standard errors apart")
         for name, row in rows.items():
-            first, second, apart = row["first"], row["second"], row["standard_errors_apart"]
-            assert first is not None
-            assert second is not None
+            first, second, apart = row.first, row.second, row.standard_errors_apart
             change = f"{100 * (second / first - 1):+.2f} %" if first else ""
             style = "bold" if apart is not None and apart > _DIFFERENT else ""
             table.add_row(
@@ -177,17 +156,8 @@ class ModelExport:
     """What to write, if the file's ending does not say."""
 
     def execute(self) -> int:
-        model = open_model(self.model, ModelStore(_folder(self.store, self.cell)))
-        arm = model.arm
-        kind = self.format or {".xml": "mjcf", ".json": "parameters"}.get(self.file.suffix)
-        if kind is None:
-            raise ModelError(f"{self.file}: expected a name that ends in .xml or .json, or --format")
-        if kind == "mjcf":
-            export_mjcf(arm, self.file)
-        else:
-            values = dict(zip(PARAMETER_NAMES, arm.vector(), strict=True))
-            with replacing(self.file) as temporary:
-                temporary.write_bytes(msgspec.json.format(msgspec.json.encode(values), indent=2) + b"\n")
+        with arguments_as_options(self):
+            model = export_model(self.model, self.file, store=self.store, cell=self.cell, format=self.format)
         if doubts := model.validity.doubts:
             print(f"dtwin: model {self.model} is in doubt: {doubts}", file=sys.stderr)
         return 0
@@ -206,10 +176,3 @@ def _add(table: Table, entry: StoredModel, model: IdentifiedModel) -> None:
 
 def _numbers(values: list[float]) -> str:
     return ", ".join(f"{value:.4g}" for value in values)
-
-
-def _apart(one: IdentifiedModel, other: IdentifiedModel, name: str) -> float | None:
-    """Difference over its standard error; None where one model does not know the parameter's."""
-    errors = [model.standard_errors.get(name, 0.0 if name not in model.free else math.nan) for model in (one, other)]
-    joint = math.hypot(*errors)
-    return abs(one.parameters[name] - other.parameters[name]) / joint if joint > 0 else None

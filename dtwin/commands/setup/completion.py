@@ -2,35 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from functools import reduce
-from typing import Annotated, Any, Final, Literal, get_args, get_origin, get_type_hints
+from argparse import ArgumentParser
+from dataclasses import dataclass
+from typing import Annotated, Any, Final, Literal
 
+import shtab
 import tyro
 
 from dtwin.commands.table import COMMANDS
+from dtwin.options import parser_of
 
 Shell = Literal["bash", "zsh", "fish"]
-_POSITIONAL: Final = get_args(tyro.conf.Positional[str])[1]
 _WHERE: Final = {
     "bash": '# for ~/.bashrc: eval "$(dtwin completion bash)"',
     "zsh": '# for ~/.zshrc: eval "$(dtwin completion zsh)"',
     "fish": "# for ~/.config/fish/config.fish: dtwin completion fish | source",
 }
-
-
-@dataclass(frozen=True)
-class Words:
-    """What can follow a command.
-
-    Attributes:
-        options: Long options with their choices, none where anything may be given.
-        choices: Choices of the positional arguments.
-    """
-
-    options: Mapping[str, tuple[str, ...]]
-    choices: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -41,92 +28,37 @@ class Completion:
     """Shell that is to complete."""
 
     def execute(self) -> int:
-        commands = {name: _words(name) for name in COMMANDS}
         print(_WHERE[self.shell])
-        print(_fish(commands) if self.shell == "fish" else _bash(commands, self.shell == "zsh"))
+        print(shtab.complete(_whole(), self.shell))
         return 0
 
 
-def _words(name: str) -> Words:
-    """What can follow a command, read from the dataclass of its options."""
-    kind = COMMANDS[name].kind
-    hints = get_type_hints(kind, include_extras=True)
-    options: dict[str, tuple[str, ...]] = {"--help": ()}
-    positional: tuple[str, ...] = ()
-    for field in fields(kind):
-        hint = hints[field.name]
-        if _POSITIONAL in getattr(hint, "__metadata__", ()):
-            positional += _choices(hint)
+def _whole() -> ArgumentParser:
+    """One parser of all commands, those of two words within those of their first one."""
+    whole = ArgumentParser(prog="dtwin")
+    whole.add_argument("--version", action="store_true", help="print the version")
+    firsts = whole.add_subparsers()
+    for first in dict.fromkeys(name.split()[0] for name in COMMANDS):
+        seconds = [name for name in COMMANDS if name.startswith(f"{first} ")]
+        # What is in a group comes before the arguments of a command that the group is as well.
+        parents = [_group(seconds)] if seconds else []
+        if first in COMMANDS:
+            _add(firsts, first, first, parents)
         else:
-            options[f"--{field.name.replace('_', '-')}"] = _choices(hint)
-    return Words(options, positional)
+            firsts.add_parser(first, help=f"commands of {first}", parents=parents)
+    return whole
 
 
-def _choices(hint: Any) -> tuple[str, ...]:
-    """The texts that a type allows, none where it allows any."""
-    if get_origin(hint) is Literal:
-        return tuple(map(str, get_args(hint)))
-    return reduce(lambda found, inner: found + _choices(inner), get_args(hint), ())
+def _group(names: list[str]) -> ArgumentParser:
+    """A parser of the second words of commands."""
+    group = ArgumentParser(add_help=False)
+    seconds = group.add_subparsers()
+    for name in names:
+        _add(seconds, name.split()[1], name, [])
+    return group
 
 
-def _firsts(commands: Mapping[str, Words]) -> dict[str, list[str]]:
-    """First words of the commands, each with those that may follow it."""
-    firsts: dict[str, list[str]] = {}
-    for name in commands:
-        first, _, second = name.partition(" ")
-        firsts.setdefault(first, []).extend([second] if second else [])
-    return firsts
-
-
-def _bash(commands: Mapping[str, Words], zsh: bool) -> str:
-    """A function for bash, which zsh understands through its own bashcompinit."""
-    firsts = _firsts(commands)
-    lines = ["autoload -U +X compinit bashcompinit && compinit && bashcompinit"] if zsh else []
-    lines += [
-        "_dtwin() {",
-        '    local words="" command="${COMP_WORDS[1]} ${COMP_WORDS[2]}" before="${COMP_WORDS[COMP_CWORD - 1]}"',
-        '    if [ "$COMP_CWORD" -eq 1 ]; then',
-        f'        words="{" ".join(firsts)} --help --version"',
-        "    else",
-        '        case "$command" in',
-    ]
-    for name, found in sorted(commands.items(), key=lambda item: -item[0].count(" ")):
-        more = [] if " " in name else firsts[name]
-        pattern = f'"{name}"' if " " in name else f'"{name} "*'
-        lines += [f"            {pattern})", '                case "$before" in']
-        for option, choices in found.options.items():
-            if choices:
-                lines.append(f'                    {option}) words="{" ".join(choices)}" ;;')
-        rest = " ".join([*more, *found.choices, *found.options])
-        lines += [f'                    *) words="{rest}" ;;', "                esac", "                ;;"]
-    for first, seconds in firsts.items():
-        if first not in commands:
-            lines.append(f'            "{first} "*) words="{" ".join(seconds)} --help" ;;')
-    lines += [
-        "        esac",
-        "    fi",
-        '    COMPREPLY=($(compgen -W "$words" -- "${COMP_WORDS[COMP_CWORD]}"))',
-        "}",
-        "complete -o default -F _dtwin dtwin",
-    ]
-    return "\n".join(lines)
-
-
-def _fish(commands: Mapping[str, Words]) -> str:
-    """Lines for fish, each with the words after which it holds."""
-    lines = []
-    for first, seconds in _firsts(commands).items():
-        lines.append(f"complete -c dtwin -n __fish_use_subcommand -f -a {first}")
-        if seconds:
-            condition = (
-                f"__fish_seen_subcommand_from {first}; and not __fish_seen_subcommand_from {' '.join(seconds)}"
-            )
-            lines.append(f"complete -c dtwin -n '{condition}' -a '{' '.join(seconds)}'")
-    for name, found in commands.items():
-        condition = "; and ".join(f"__fish_seen_subcommand_from {word}" for word in name.split())
-        if found.choices:
-            lines.append(f"complete -c dtwin -n '{condition}' -a '{' '.join(found.choices)}'")
-        for option, choices in found.options.items():
-            given = f" -x -a '{' '.join(choices)}'" if choices else ""
-            lines.append(f"complete -c dtwin -n '{condition}' -l {option.removeprefix('--')}{given}")
-    return "\n".join(lines)
+def _add(to: Any, word: str, name: str, parents: list[ArgumentParser]) -> None:
+    command = COMMANDS[name]
+    options = parser_of(command.kind, f"dtwin {name}")
+    to.add_parser(word, help=command.summary, parents=[*parents, options], add_help=False)

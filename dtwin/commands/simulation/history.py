@@ -5,13 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from dtwin.api.kept.history import history
 from dtwin.arm.model import ArmModel, ArmTuning
-from dtwin.errors import RecordingError
-from dtwin.services import runfile
-from dtwin.services.chain.starting import history_of
-from dtwin.services.runfile import kept
-from dtwin.simulation.chain.history import ArmEntry, ArmHistory
-from dtwin.simulation.history import HISTORY, Entry, History
+from dtwin.simulation.history import Entry
 from dtwin.terminal import print_json, printable
 
 
@@ -27,10 +23,7 @@ class ShowHistory:
     """Print one JSON object on standard output and nothing else."""
 
     def execute(self) -> int:
-        file = self.file or self._of_cell()
-        if not file.exists():
-            raise RecordingError(f"{file}: there is no history yet; the simulation service keeps it")
-        entries = _entries(file)
+        entries = history(file=self.file, cell=self.cell)
         if self.json:
             print_json({"entries": entries})
             return 0
@@ -46,27 +39,6 @@ class ShowHistory:
                     f"{'':14}{_settings(entry) if isinstance(entry, Entry) else _of_arm(entry.model, entry.tuning)}"
                 )
         return 0
-
-    def _of_cell(self) -> Path:
-        """The file of the cell that is up on this machine; that of its arm, where it is not the thesis's."""
-        up, file = runfile.find(self.cell), kept(self.cell, "history", HISTORY)
-        other = file if up is None else history_of(file, up.arm)
-        return other if other.exists() else file
-
-
-def _entries(file: Path) -> list[Entry] | list[ArmEntry]:
-    """The entries of either kind of history.
-
-    Raises:
-        RecordingError: it is none of both.
-    """
-    try:
-        return History(file).entries()
-    except RecordingError as error:
-        try:
-            return ArmHistory(file).entries()
-        except RecordingError:
-            raise error from None
 
 
 def _of_arm(model: ArmModel, tuning: ArmTuning) -> str:

@@ -16,7 +16,7 @@ from dtwin.commands.simulation.chain import print_margins
 from dtwin.controller.settings import APPLICATION_LAW, ControlSettings, usual_gains
 from dtwin.errors import ParameterError
 from dtwin.identification.store import STORE
-from dtwin.parameters import Law, Triple
+from dtwin.parameters import CellJoints, Law
 from dtwin.run.options import CellFileOption, CompensationOptions
 from dtwin.simulation.margins.poses import POSES
 from dtwin.terminal import print_json, print_table
@@ -35,11 +35,11 @@ class MarginsCommand(CompensationOptions, CellFileOption):
 
     law: Law = APPLICATION_LAW
     """Control law."""
-    kp: Triple | None = None
+    kp: CellJoints | None = None
     """Proportional gains, 1/s^2; the usual ones of the law if not given."""
-    ki: Triple | None = None
+    ki: CellJoints | None = None
     """Integral gains, 1/s^3."""
-    kd: Triple | None = None
+    kd: CellJoints | None = None
     """Derivative gains, 1/s."""
     model: str | None = None
     """Identified model of arm and controller, a file or a name in --store; the data sheet's if not given."""

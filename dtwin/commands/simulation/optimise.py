@@ -20,7 +20,7 @@ from dtwin.controller.settings import APPLICATION_LAW, usual_gains
 from dtwin.errors import ParameterError
 from dtwin.files import PICTURE, ensure_writable, replacing
 from dtwin.identification.store import STORE
-from dtwin.parameters import Law, Triple
+from dtwin.parameters import CellJoints, Law
 from dtwin.run.options import CellFileOption
 from dtwin.simulation.objective import Limits
 from dtwin.simulation.optimise import Optimum
@@ -46,11 +46,11 @@ class Optimise(CellFileOption, RuntimeOption, WorkforceOption):
     """Shortest and longest target time of the search, s; equal ones keep the target time."""
     in_use: float = 2.0
     """Target time in use, s."""
-    kp: Triple | None = None
+    kp: CellJoints | None = None
     """Proportional gains in use, 1/s^2; the usual ones of the law if not given."""
-    ki: Triple | None = None
+    ki: CellJoints | None = None
     """Integral gains in use, 1/s^3."""
-    kd: Triple | None = None
+    kd: CellJoints | None = None
     """Derivative gains in use, 1/s."""
     law: Law = APPLICATION_LAW
     """Control law: computed torque, its row-sum form without damping term, or the cascade."""

@@ -22,7 +22,7 @@ from dtwin.emulation.encoders import NoiseKind
 from dtwin.errors import ParameterError
 from dtwin.files import PICTURE, ensure_writable
 from dtwin.identification.store import STORE
-from dtwin.parameters import Law, Triple
+from dtwin.parameters import CellJoints, JointVector, Law
 from dtwin.run.options import CellFileOption, CompensationOptions
 from dtwin.simulation.figures import Figures
 from dtwin.simulation.measured import MotionComparison
@@ -48,11 +48,11 @@ class Simulate(CompensationOptions, CellFileOption, RuntimeOption):
     """Place that the motion goes to."""
     target_time: float = 2.0
     """Duration of the path, s."""
-    kp: Triple | None = None
+    kp: CellJoints | None = None
     """Proportional gains, 1/s^2; the usual ones of the law if not given."""
-    ki: Triple | None = None
+    ki: CellJoints | None = None
     """Integral gains, 1/s^3."""
-    kd: Triple | None = None
+    kd: CellJoints | None = None
     """Derivative gains, 1/s."""
     law: Law = APPLICATION_LAW
     """Control law."""
@@ -209,7 +209,7 @@ def _print(outcomes: dict[str, Outcome], seconds: dict[str, float], comparison: 
         print(f"prediction of the motion at {comparison.motion.time:.2f} s: fit {fits}, joints 1 to 3 (1 is perfect)")
 
 
-def _each(values: Triple, factor: float = 1e3) -> str:
+def _each(values: JointVector, factor: float = 1e3) -> str:
     return "  ".join(f"{factor * value:.1f}" for value in values)
 
 

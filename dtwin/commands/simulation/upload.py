@@ -4,28 +4,23 @@ from __future__ import annotations
 
 import getpass
 import sys
-import time
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import msgspec
 import tyro
 
-from dtwin.api.live import LiveCell, connect
+from dtwin.api.live import connect
 from dtwin.bus.chain.messages import JointUpload
 from dtwin.bus.messages import ARM_ROLL_BACK
 from dtwin.bus.twin_messages import RollBackRequest, Upload, UploadRequest
+from dtwin.commands.simulation.trial import outcome
 from dtwin.controller.proposed import read_settings
-from dtwin.errors import CommunicationError, ModelError, ParameterError
+from dtwin.errors import ModelError, ParameterError
 from dtwin.identification.store import STORE, ModelStore, open_model
-from dtwin.parameters import ArmParameters, Gains, Triple
+from dtwin.parameters import ArmParameters, CellJoints, Gains
 from dtwin.services import runfile
 from dtwin.terminal import print_json
-
-_LOOK = 0.2
-"""Time between two looks at a trial, s."""
-_PATIENCE = 120.0
-"""Time for a trial to end, s."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,7 +47,7 @@ class RollBack(_Request):
                 request = RollBackRequest(self.who or getpass.getuser(), self.why)
                 print_json(cell.bus.ask(ARM_ROLL_BACK, request, JointUpload))
             else:
-                _print(cell.roll_back(self.why, who=self.who or None))
+                print_json(cell.roll_back(self.why, who=self.who or None))
         return 0
 
 
@@ -78,9 +73,7 @@ class UploadCommand(_Request):
                 based_on=now.version if self.based_on is None else self.based_on,
                 arm=None if self.arm is None else self._model(self.arm),
             )
-            answer = cell.send(self.change(request, now))
-            _print(answer)
-            return self._outcome(cell, answer) if self.wait else 0
+            return outcome(cell.send(self.change(request, now)), cell.settings, self.wait)
 
     def change(self, request: UploadRequest, now: Upload) -> UploadRequest:
         """The request with what shall change."""
@@ -91,17 +84,6 @@ class UploadCommand(_Request):
         if doubts := model.validity.doubts:
             print(f"dtwin: model {reference} is in doubt: {doubts}", file=sys.stderr)
         return model.arm
-
-    def _outcome(self, cell: LiveCell, answer: Upload) -> int:
-        """Waits until the trial is over."""
-        deadline = time.monotonic() + _PATIENCE
-        while answer.on_trial:
-            if time.monotonic() > deadline:
-                raise CommunicationError(f"the trial of version {answer.version} goes on after {_PATIENCE:g} s")
-            time.sleep(_LOOK)
-            answer = cell.settings()
-        _print(answer)
-        return 0 if answer.action == "confirm" else 1
 
 
 class SavedSettings(msgspec.Struct, frozen=True):
@@ -115,11 +97,11 @@ class SavedSettings(msgspec.Struct, frozen=True):
 class UploadGains(UploadCommand):
     """Upload gains, those not given stay: from here, from a file that dtwin optimise saved, or from a record."""
 
-    kp: Triple | None = None
+    kp: CellJoints | None = None
     """Proportional gains of joints 1 to 3, 1/s^2."""
-    ki: Triple | None = None
+    ki: CellJoints | None = None
     """Integral gains, 1/s^3."""
-    kd: Triple | None = None
+    kd: CellJoints | None = None
     """Derivative gains, 1/s."""
     file: Path | None = None
     """JSON file of dtwin optimise; its target time is uploaded too."""
@@ -176,10 +158,6 @@ class UploadVersion(UploadCommand):
 
     def change(self, request: UploadRequest, now: Upload) -> UploadRequest:
         return msgspec.structs.replace(request, version=self.version)
-
-
-def _print(answer: Upload) -> None:
-    print_json(answer)
 
 
 def _read(path: Path) -> SavedSettings:

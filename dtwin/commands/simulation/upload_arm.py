@@ -2,23 +2,15 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated
 
 import tyro
 
-from dtwin.api.arm.live import LiveArm, connect_arm
-from dtwin.bus.chain.messages import JointUpload
+from dtwin.api.arm.live import connect_arm
 from dtwin.commands.frame import arguments_as_options
-from dtwin.errors import CommunicationError
-from dtwin.terminal import print_json
-
-_LOOK: Final = 0.2
-"""Time between two looks at a trial, s."""
-_PATIENCE: Final = 120.0
-"""Time for a trial to end, s."""
+from dtwin.commands.simulation.trial import outcome
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,7 +26,7 @@ class UploadArm:
     version: int | None = None
     """Version of the history whose settings shall be in force again, instead of anything else."""
     pole: float | None = None
-    """Triple pole of the errors of every joint, rad/s; as it is if not given."""
+    """The threefold pole of the errors of every joint, rad/s; as it is if not given."""
     observer: float | None = None
     """Double pole of the observers, rad/s; as it is if not given."""
     speed: float | None = None
@@ -64,16 +56,4 @@ class UploadArm:
                 why=self.why,
                 who=self.who or None,
             )
-            print_json(answer)
-            return self._outcome(cell, answer) if self.wait else 0
-
-    def _outcome(self, cell: LiveArm, answer: JointUpload) -> int:
-        """Waits until the trial is over."""
-        deadline = time.monotonic() + _PATIENCE
-        while answer.on_trial:
-            if time.monotonic() > deadline:
-                raise CommunicationError(f"the trial of version {answer.version} goes on after {_PATIENCE:g} s")
-            time.sleep(_LOOK)
-            answer = cell.arm_settings()
-        print_json(answer)
-        return 0 if answer.action == "confirm" else 1
+            return outcome(answer, cell.arm_settings, self.wait)

@@ -11,8 +11,7 @@ from dtwin.console.calculations.tasks import Excited, Work
 from dtwin.errors import ParameterError
 from dtwin.identification.data import Array, Experiment
 from dtwin.identification.held_out import compare
-from dtwin.parameters import PARAMETER_NAMES
-from dtwin.simulation.figures import triple
+from dtwin.parameters import PARAMETER_NAMES, joint_vector
 
 HELD: Final = 5
 """Number of samples for which a signal holds its voltages at least."""
@@ -32,7 +31,7 @@ def compared(work: Work) -> dict[str, Any]:
     for name, arm in (("before", work.model), ("proposed", work.model.with_values(proposed))):
         predicted = compare(experiments, arm, np.zeros(3))
         found[name] = predicted.predicted.T.round(5).tolist()
-        found[f"{name}_fit"] = list(triple(predicted.fit))
+        found[f"{name}_fit"] = list(joint_vector(predicted.fit))
     return found
 
 

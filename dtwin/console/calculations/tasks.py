@@ -7,7 +7,7 @@ from typing import Annotated
 import msgspec
 
 from dtwin.bus.twin_messages import Kilograms
-from dtwin.parameters import ArmParameters, Gains, Law, Triple
+from dtwin.parameters import ArmParameters, CellJoints, Gains, Law
 from dtwin.signals import Line
 from dtwin.task import DEFAULT_TASK
 from dtwin.task import Task as CellTask
@@ -100,8 +100,8 @@ class Excited(msgspec.Struct, frozen=True):
     """
 
     numbers: tuple[int, ...]
-    theta: tuple[Triple, ...]
-    volts: tuple[Triple, ...]
+    theta: tuple[CellJoints, ...]
+    volts: tuple[CellJoints, ...]
     proposed: dict[str, float]
 
 

@@ -31,9 +31,7 @@ from dtwin.emulation.contact.scene import (
 )
 from dtwin.emulation.contact.touch import Grip
 from dtwin.emulation.machine.sections import Contact
-from dtwin.parameters import ArmParameters
-
-Point = tuple[float, float, float]
+from dtwin.parameters import ArmParameters, Point
 
 _BOTH: Final = 3
 _SPIN_RADIUS: Final = 0.02

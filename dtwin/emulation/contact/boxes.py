@@ -18,10 +18,10 @@ import msgspec
 import numpy as np
 
 from dtwin.emulation.boxes import Arrivals, Box, BoxesState, Tally
-from dtwin.emulation.contact.bodies import Bodies, Point
+from dtwin.emulation.contact.bodies import Bodies
 from dtwin.emulation.contact.scene import BELTS, BOXES, HALF
 from dtwin.emulation.contact.touch import Touch
-from dtwin.parameters import PICKUP, PLACES
+from dtwin.parameters import PICKUP, PLACES, Point
 from dtwin.signals import BoxCounts, Event, EventKind
 from dtwin.task import REACH, Task
 

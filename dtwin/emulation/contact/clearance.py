@@ -14,7 +14,7 @@ import numpy as np
 from dtwin.emulation import MODEL_FILE
 from dtwin.emulation.contact.scene import ARM_BIT, CELL_BIT
 from dtwin.errors import ModelError
-from dtwin.parameters import Triple
+from dtwin.parameters import JointVector
 from dtwin.task import DEFAULT_TASK, Task
 
 FARTHEST: Final = 0.1
@@ -72,7 +72,7 @@ class Clearance:
         self._cell = [i for i in range(model.ngeom) if model.geom_contype[i] == CELL_BIT]
         self._apart = [(a, b) for a, b in itertools.combinations(self._arm, 2) if self._may_meet(a, b)]
 
-    def nearest(self, theta: Triple, gripper: float, carries: bool, boxes: Collection[str]) -> Nearest:
+    def nearest(self, theta: JointVector, gripper: float, carries: bool, boxes: Collection[str]) -> Nearest:
         """What the arm is nearest to in a pose.
 
         The jaws beside a box that they are about to grip or have just let go do not count.

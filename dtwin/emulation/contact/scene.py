@@ -14,7 +14,7 @@ from typing import Final
 import mujoco
 
 from dtwin.emulation.machine.sections import Contact
-from dtwin.parameters import PLACES
+from dtwin.parameters import PLACES, Point
 
 BELTS: Final[dict[str, tuple[float, float, float]]] = {
     "pickup": (-1.0, 0.0, 0.0),
@@ -48,7 +48,7 @@ def box_name(index: int) -> str:
     return f"box_{index}"
 
 
-def parking_space(index: int) -> tuple[float, float, float]:
+def parking_space(index: int) -> Point:
     """Where a box that is not in the cell is kept, m."""
     return (1.0 + 0.1 * index, 1.5, 0.0)
 

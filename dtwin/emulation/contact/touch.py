@@ -8,6 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dtwin.parameters import Point
+
 
 class Grip(NamedTuple):
     """The forces of the pads on boxes.
@@ -44,4 +46,4 @@ class Touch:
     colours: tuple[str, ...]
     poses: NDArray[np.float64]
     held: int | None
-    offset: tuple[float, float, float]
+    offset: Point

@@ -12,7 +12,7 @@ import numpy as np
 
 from dtwin.emulation.machine.sections import Drive, Machine, Sensing, Structure, Transmission
 from dtwin.errors import ParameterError
-from dtwin.parameters import VOLTAGE_LIMIT, ArmParameters, Triple
+from dtwin.parameters import JOINTS, VOLTAGE_LIMIT, ArmParameters, JointVector
 from dtwin.signals import LARGEST_COUNT
 
 
@@ -29,13 +29,13 @@ def draw(number: int) -> Machine:
 
 def _drive(number: int) -> Drive:
     drawn = _Drawing(number, "drive")
-    torque = drawn.triple("torque", 0.85, 1.05)
+    torque = drawn.joints("torque", 0.85, 1.05)
     return Drive(
         torque=torque,
-        lag=drawn.triple("lag", 0.0025, 0.006),
-        back_emf=drawn.triple("back_emf", 0.03, 0.12),
+        lag=drawn.joints("lag", 0.0025, 0.006),
+        back_emf=drawn.joints("back_emf", 0.03, 0.12),
         bits=drawn.whole("bits", 10, 12),
-        dead_zone=drawn.triple("dead_zone", 0.05, 0.25),
+        dead_zone=drawn.joints("dead_zone", 0.05, 0.25),
         sag=drawn.number("sag", 0.0, 0.05),
         delay=drawn.number("delay", 0.001, 0.010),
     )
@@ -43,33 +43,33 @@ def _drive(number: int) -> Drive:
 
 def _transmission(number: int) -> Transmission:
     drawn = _Drawing(number, "transmission")
-    coulomb = drawn.triple("coulomb", 0.005, 0.03)
-    excess = drawn.triple("static", 1.1, 1.5)
+    coulomb = drawn.joints("coulomb", 0.005, 0.03)
+    excess = drawn.joints("static", 1.1, 1.5)
     return Transmission(
-        damping=drawn.triple("damping", 0.7, 1.4),
+        damping=drawn.joints("damping", 0.7, 1.4),
         coulomb=coulomb,
         static=_each(coulomb, excess),
-        stribeck_velocity=drawn.triple("stribeck_velocity", 0.05, 0.3),
-        rotor_inertia=drawn.triple("rotor_inertia", 0.0006, 0.0015),
-        stiffness=drawn.triple("stiffness", 50.0, 100.0),
-        gear_damping=drawn.triple("gear_damping", 0.02, 0.06),
-        backlash=drawn.triple("backlash", 0.001, 0.006),
-        ripple=_each(ArmParameters().voltage_constant, drawn.triple("ripple", 0.0, 0.005 * VOLTAGE_LIMIT)),
-        ripple_periods=drawn.triple("ripple_periods", 6.0, 40.0),
-        ripple_phase=drawn.triple("ripple_phase", -np.pi, np.pi),
-        cable=drawn.triple("cable", 0.0, 0.01),
-        cable_rest=drawn.triple("cable_rest", -0.5, 0.5),
+        stribeck_velocity=drawn.joints("stribeck_velocity", 0.05, 0.3),
+        rotor_inertia=drawn.joints("rotor_inertia", 0.0006, 0.0015),
+        stiffness=drawn.joints("stiffness", 50.0, 100.0),
+        gear_damping=drawn.joints("gear_damping", 0.02, 0.06),
+        backlash=drawn.joints("backlash", 0.001, 0.006),
+        ripple=_each(ArmParameters().voltage_constant, drawn.joints("ripple", 0.0, 0.005 * VOLTAGE_LIMIT)),
+        ripple_periods=drawn.joints("ripple_periods", 6.0, 40.0),
+        ripple_phase=drawn.joints("ripple_phase", -np.pi, np.pi),
+        cable=drawn.joints("cable", 0.0, 0.01),
+        cable_rest=drawn.joints("cable_rest", -0.5, 0.5),
     )
 
 
 def _structure(number: int) -> Structure:
     drawn = _Drawing(number, "structure")
     return Structure(
-        mass=drawn.triple("mass", 0.95, 1.05),
-        inertia=drawn.triple("inertia", 0.9, 1.1),
-        length=drawn.triple("length", 0.9985, 1.0015),
-        com=drawn.triple("com", 0.97, 1.03),
-        com_offset=drawn.triple("com_offset", -0.002, 0.002),
+        mass=drawn.joints("mass", 0.95, 1.05),
+        inertia=drawn.joints("inertia", 0.9, 1.1),
+        length=drawn.joints("length", 0.9985, 1.0015),
+        com=drawn.joints("com", 0.97, 1.03),
+        com_offset=drawn.joints("com_offset", -0.002, 0.002),
         tilt=drawn.number("tilt", -0.01, 0.01),
     )
 
@@ -78,8 +78,8 @@ def _sensing(number: int) -> Sensing:
     drawn = _Drawing(number, "sensing")
     return Sensing(
         bits=drawn.whole("bits", 12, 15),
-        eccentricity=drawn.triple("eccentricity", 0.0, 0.002),
-        eccentricity_phase=drawn.triple("eccentricity_phase", -np.pi, np.pi),
+        eccentricity=drawn.joints("eccentricity", 0.0, 0.002),
+        eccentricity_phase=drawn.joints("eccentricity_phase", -np.pi, np.pi),
         noise=drawn.number("noise", 0.0, 0.0005),
         noise_kind="gaussian",
         loss_rate=drawn.number("loss_rate", 0.0, 0.05),
@@ -97,9 +97,8 @@ class _Drawing:
     def number(self, name: str, low: float, high: float) -> float:
         return self._numbers(name, 1, low, high)[0]
 
-    def triple(self, name: str, low: float, high: float) -> Triple:
-        first, second, third = self._numbers(name, 3, low, high)
-        return first, second, third
+    def joints(self, name: str, low: float, high: float) -> JointVector:
+        return tuple(self._numbers(name, JOINTS, low, high))
 
     def whole(self, name: str, low: int, high: int) -> int:
         return low + int((high - low + 1) * self._shares(name, 1)[0])
@@ -120,6 +119,5 @@ def _rounded(number: float) -> float:
     return float(f"{number:.6g}")
 
 
-def _each(first: Triple, second: Triple) -> Triple:
-    one, two, three = (_rounded(x * y) for x, y in zip(first, second, strict=True))
-    return one, two, three
+def _each(first: JointVector, second: JointVector) -> JointVector:
+    return tuple(_rounded(x * y) for x, y in zip(first, second, strict=True))

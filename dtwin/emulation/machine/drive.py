@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from dtwin.emulation.machine.sections import Drive
 from dtwin.parameters import VOLTAGE_LIMIT
-from dtwin.signals import Quad
+from dtwin.signals import DriveVector
 
 
 class Amplifier:
@@ -24,7 +24,7 @@ class Amplifier:
         self._dead_zone = drive.dead_zone
         self._sag = drive.sag
 
-    def voltages(self, volts: Quad) -> Quad:
+    def voltages(self, volts: DriveVector) -> DriveVector:
         """Voltages at the motors (V) for commanded ones (V); the gripper's comes as it is commanded."""
         arrived = [self._voltage(volt, dead) for volt, dead in zip(volts, self._dead_zone, strict=False)]
         if self._sag:

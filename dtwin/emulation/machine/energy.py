@@ -10,9 +10,9 @@ import mujoco
 
 from dtwin.emulation.machine.plant import MachinePlant
 from dtwin.emulation.machine.sections import Machine, Transmission
-from dtwin.parameters import PERIOD, PHYSICS_STEP, ArmParameters, Triple
+from dtwin.parameters import PERIOD, PHYSICS_STEP, ArmParameters, JointVector
 
-START: Triple = (0.3, 0.4, -0.5)
+START: JointVector = (0.3, 0.4, -0.5)
 """Angles from which the arm falls, rad."""
 
 
@@ -36,7 +36,7 @@ class EnergyBalance:
         return max(abs(self.residual), self.gain) / self.lost
 
 
-def balance_of(machine: Machine, volts: Callable[[float], Triple], seconds: float) -> EnergyBalance:
+def balance_of(machine: Machine, volts: Callable[[float], JointVector], seconds: float) -> EnergyBalance:
     """Balances the energy of an arm that falls and is driven.
 
     Args:

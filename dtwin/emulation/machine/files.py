@@ -19,7 +19,7 @@ import msgspec
 
 from dtwin.emulation.machine.sections import IDEAL, SECTIONS, Machine, Section, declared
 from dtwin.errors import ModelError, ParameterError, choices
-from dtwin.parameters import ROOT, Triple
+from dtwin.parameters import JOINTS, ROOT, JointVector, every_joint
 
 FOLDER: Final = ROOT / "machines"
 """Folder of the named machines."""
@@ -130,11 +130,11 @@ def _value(where: str, value: Any, kind: Any) -> Any:
         return value
     if kind is float:
         return _number(where, value, "a number")
-    if kind is not Triple:
+    if kind is not JointVector:
         return value
     if isinstance(value, list | tuple):
-        return tuple(_number(where, item, "a number for each of the 3 joints") for item in value)
-    return (_number(where, value, "a number or three"),) * 3
+        return tuple(_number(where, item, f"a number for each of the {JOINTS} joints") for item in value)
+    return every_joint(_number(where, value, "a number or three"))
 
 
 def _number(where: str, value: Any, expected: str) -> float:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from dtwin.emulation.machine.plant import plant_of
 from dtwin.emulation.machine.sections import Machine
-from dtwin.parameters import HANGING, PERIOD, Triple
+from dtwin.parameters import HANGING, PERIOD, JointVector
 
 Integrator = Literal["RK4", "implicitfast"]
 
@@ -22,7 +22,7 @@ _INTEGRATORS: Final[Mapping[Integrator, mujoco.mjtIntegrator]] = {
 }
 
 
-def drive(time: float) -> Triple:
+def drive(time: float) -> JointVector:
     """Voltages at a plant time (s) under which every joint swings to and fro, V."""
     return 2.0 * math.sin(4.0 * time), 1.5 * math.sin(5.0 * time), math.sin(6.0 * time)
 

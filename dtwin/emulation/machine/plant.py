@@ -23,11 +23,11 @@ from dtwin.emulation.machine.drive import Amplifier
 from dtwin.emulation.machine.encoding import whole_ticks
 from dtwin.emulation.machine.model import extend, friction_joint, motor_joint, spring_names
 from dtwin.emulation.machine.sections import Machine
-from dtwin.emulation.model import JOINTS, compile_arm
+from dtwin.emulation.model import JOINT_NAMES, compile_arm
 from dtwin.emulation.plant import Plant, PlantState
 from dtwin.errors import ParameterError
-from dtwin.parameters import GRAVITY, PERIOD, PHYSICS_STEP, ArmParameters, GripperParameters, Triple
-from dtwin.signals import Quad
+from dtwin.parameters import GRAVITY, PERIOD, PHYSICS_STEP, ArmParameters, GripperParameters, JointVector, every_joint
+from dtwin.signals import DriveVector
 
 _FASTEST: Final = 2.0
 """Largest product of step and angular frequency of a spring: RK4 is stable to 2.8."""
@@ -68,7 +68,7 @@ class MachinePlant(Plant):
         drive, gear, sensing = machine.drive, machine.transmission, machine.sensing
         self._machine = machine
         self._amplifier = Amplifier(drive)
-        self._pending: list[tuple[int, Quad]] = []
+        self._pending: list[tuple[int, DriveVector]] = []
         self._sampled: list[float] = []
         x, y, z = (
             inertia if not stiff else 0.0 for inertia, stiff in zip(gear.rotor_inertia, gear.stiffness, strict=True)
@@ -97,7 +97,7 @@ class MachinePlant(Plant):
         super().set_parameters(parameters)
         self._rubs = False
 
-    def reset(self, theta: Triple, omega: Triple = (0.0, 0.0, 0.0)) -> None:
+    def reset(self, theta: JointVector, omega: JointVector = every_joint(0.0)) -> None:
         super().reset(theta, omega)
         for i, (motor, friction) in enumerate(zip(self._motor_dofs, self._friction_dofs, strict=True)):
             self.data.qpos[[motor, friction]] = theta[i]
@@ -113,7 +113,7 @@ class MachinePlant(Plant):
         super().restore(state)
         self._pending, self._sampled = list(state.pending), state.sampled
 
-    def apply(self, volts: Quad) -> None:
+    def apply(self, volts: DriveVector) -> None:
         self.check(volts)
         if not self._drive_delay:
             self._act(volts)
@@ -142,7 +142,7 @@ class MachinePlant(Plant):
             volts.append(float(data.ctrl[i] if lag < 0 else data.act[lag]))
             friction.append(float(model.dof_damping[i] * data.qvel[i] - dry[dof]))
         angles = data.qpos[self._motor_dofs].tolist()
-        return Drives((volts[0], volts[1], volts[2]), (friction[0], friction[1], friction[2]), tuple(angles))
+        return Drives(tuple(volts), tuple(friction), tuple(angles))
 
     def _compiled(self, file: Path, step: float, bodies: Bodies | None) -> mujoco.MjModel:
         return compile_arm(file, self._extend, step, bodies)
@@ -165,7 +165,7 @@ class MachinePlant(Plant):
             if self.steps == sample:
                 self._sampled = self._encoded()
 
-    def _act(self, volts: Quad) -> None:
+    def _act(self, volts: DriveVector) -> None:
         super().apply(self._amplifier.voltages(volts))
 
     def _glide(self, steps: int) -> None:
@@ -184,7 +184,10 @@ class MachinePlant(Plant):
     def _encoded(self) -> list[float]:
         angles: list[float] = self.data.qpos.tolist()
         sides = zip(self._machine.sensing.motor_side, self._motor_dofs, range(3), strict=True)
-        return [*(angles[motor if on_motor else joint] for on_motor, motor, joint in sides), angles[len(JOINTS) - 1]]
+        return [
+            *(angles[motor if on_motor else joint] for on_motor, motor, joint in sides),
+            angles[len(JOINT_NAMES) - 1],
+        ]
 
 
 def plant_of(

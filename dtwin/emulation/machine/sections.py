@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Annotated, Any, Final, Literal, get_args, get_origin, get_type_hints
 
 from dtwin.errors import ParameterError, choices
-from dtwin.parameters import ArmParameters, Triple
+from dtwin.parameters import JOINTS, ArmParameters, JointVector, every_joint
 
 NoiseKind = Literal["uniform", "gaussian", "correlated"]
 """Kind of the encoders' noise."""
@@ -19,14 +19,14 @@ NoiseKind = Literal["uniform", "gaussian", "correlated"]
 
 @dataclass(frozen=True, slots=True)
 class Range:
-    """The range of a number, or of each of three."""
+    """The range of a number, or of those of all joints."""
 
     low: float
     high: float
 
 
-_NONE: Final[Triple] = (0.0, 0.0, 0.0)
-_ALL: Final[Triple] = (1.0, 1.0, 1.0)
+_NONE: Final[JointVector] = every_joint(0.0)
+_ALL: Final[JointVector] = every_joint(1.0)
 _ANGLE: Final = Range(-math.tau, math.tau)
 
 
@@ -47,9 +47,9 @@ class Section:
                 if value not in get_args(kind):
                     raise ParameterError(f"{where}: expected {choices(get_args(kind))}, got {value!r}")
                 continue
-            if kind is Triple and len(value) != 3:
-                raise ParameterError(f"{where}: expected 3 numbers, one a joint, got {len(value)}")
-            for number in value if kind is Triple else (value,):
+            if kind is JointVector and len(value) != JOINTS:
+                raise ParameterError(f"{where}: expected {JOINTS} numbers, one a joint, got {len(value)}")
+            for number in value if kind is JointVector else (value,):
                 if not allowed.low <= number <= allowed.high:
                     bounds = f"from {allowed.low:g} to {allowed.high:g}"
                     raise ParameterError(f"{where}: expected a number {bounds}, got {number}")
@@ -69,11 +69,11 @@ class Drive(Section):
         delay: time from a command until it acts, s.
     """
 
-    torque: Annotated[Triple, Range(0.1, 2.0)] = _ALL
-    lag: Annotated[Triple, Range(0.0, 0.1)] = _NONE
-    back_emf: Annotated[Triple, Range(0.0, 2.0)] = _NONE
+    torque: Annotated[JointVector, Range(0.1, 2.0)] = _ALL
+    lag: Annotated[JointVector, Range(0.0, 0.1)] = _NONE
+    back_emf: Annotated[JointVector, Range(0.0, 2.0)] = _NONE
     bits: Annotated[int, Range(0, 24)] = 0
-    dead_zone: Annotated[Triple, Range(0.0, 2.0)] = _NONE
+    dead_zone: Annotated[JointVector, Range(0.0, 2.0)] = _NONE
     sag: Annotated[float, Range(0.0, 0.5)] = 0.0
     delay: Annotated[float, Range(0.0, 0.1)] = 0.0
 
@@ -99,20 +99,20 @@ class Transmission(Section):
         cable_rest: angle of the joint at which the cables do not pull, rad.
     """
 
-    damping: Annotated[Triple, Range(0.0, 10.0)] = _ALL
-    coulomb: Annotated[Triple, Range(0.0, 0.5)] = _NONE
-    static: Annotated[Triple, Range(0.0, 0.5)] = _NONE
-    stribeck_velocity: Annotated[Triple, Range(1e-3, 10.0)] = (0.1, 0.1, 0.1)
-    presliding: Annotated[Triple, Range(0.0, 1000.0)] = _NONE
-    rotor_inertia: Annotated[Triple, Range(0.0, 0.1)] = _NONE
-    stiffness: Annotated[Triple, Range(0.0, 1000.0)] = _NONE
-    gear_damping: Annotated[Triple, Range(0.0, 1.0)] = (0.02, 0.02, 0.02)
-    backlash: Annotated[Triple, Range(0.0, 0.2)] = _NONE
-    ripple: Annotated[Triple, Range(0.0, 0.2)] = _NONE
-    ripple_periods: Annotated[Triple, Range(1.0, 500.0)] = (6.0, 6.0, 6.0)
-    ripple_phase: Annotated[Triple, _ANGLE] = _NONE
-    cable: Annotated[Triple, Range(0.0, 1.0)] = _NONE
-    cable_rest: Annotated[Triple, _ANGLE] = _NONE
+    damping: Annotated[JointVector, Range(0.0, 10.0)] = _ALL
+    coulomb: Annotated[JointVector, Range(0.0, 0.5)] = _NONE
+    static: Annotated[JointVector, Range(0.0, 0.5)] = _NONE
+    stribeck_velocity: Annotated[JointVector, Range(1e-3, 10.0)] = every_joint(0.1)
+    presliding: Annotated[JointVector, Range(0.0, 1000.0)] = _NONE
+    rotor_inertia: Annotated[JointVector, Range(0.0, 0.1)] = _NONE
+    stiffness: Annotated[JointVector, Range(0.0, 1000.0)] = _NONE
+    gear_damping: Annotated[JointVector, Range(0.0, 1.0)] = every_joint(0.02)
+    backlash: Annotated[JointVector, Range(0.0, 0.2)] = _NONE
+    ripple: Annotated[JointVector, Range(0.0, 0.2)] = _NONE
+    ripple_periods: Annotated[JointVector, Range(1.0, 500.0)] = every_joint(6.0)
+    ripple_phase: Annotated[JointVector, _ANGLE] = _NONE
+    cable: Annotated[JointVector, Range(0.0, 1.0)] = _NONE
+    cable_rest: Annotated[JointVector, _ANGLE] = _NONE
 
     def __post_init__(self) -> None:
         # Written out: super() without arguments is lost where a dataclass with slots is made anew.
@@ -141,11 +141,11 @@ class Structure(Section):
         tilt: angle by which the base is turned in the arm's plane, positive as joint 1, rad.
     """
 
-    mass: Annotated[Triple, Range(0.5, 2.0)] = _ALL
-    inertia: Annotated[Triple, Range(0.2, 5.0)] = _ALL
-    length: Annotated[Triple, Range(0.9, 1.1)] = _ALL
-    com: Annotated[Triple, Range(0.5, 1.5)] = _ALL
-    com_offset: Annotated[Triple, Range(-0.05, 0.05)] = _NONE
+    mass: Annotated[JointVector, Range(0.5, 2.0)] = _ALL
+    inertia: Annotated[JointVector, Range(0.2, 5.0)] = _ALL
+    length: Annotated[JointVector, Range(0.9, 1.1)] = _ALL
+    com: Annotated[JointVector, Range(0.5, 1.5)] = _ALL
+    com_offset: Annotated[JointVector, Range(-0.05, 0.05)] = _NONE
     tilt: Annotated[float, Range(-0.5, 0.5)] = 0.0
 
 
@@ -169,11 +169,11 @@ class Sensing(Section):
         delay: age of the sample, s.
     """
 
-    motor_side: Annotated[Triple, Range(0.0, 1.0)] = _NONE
+    motor_side: Annotated[JointVector, Range(0.0, 1.0)] = _NONE
     bits: Annotated[int, Range(0, 32)] = 0
-    eccentricity: Annotated[Triple, Range(0.0, 0.1)] = _NONE
-    eccentricity_phase: Annotated[Triple, _ANGLE] = _NONE
-    scale: Annotated[Triple, Range(-0.05, 0.05)] = _NONE
+    eccentricity: Annotated[JointVector, Range(0.0, 0.1)] = _NONE
+    eccentricity_phase: Annotated[JointVector, _ANGLE] = _NONE
+    scale: Annotated[JointVector, Range(-0.05, 0.05)] = _NONE
     noise: Annotated[float, Range(0.0, 0.1)] = 0.0
     noise_kind: NoiseKind = "gaussian"
     noise_time: Annotated[float, Range(1e-3, 10.0)] = 0.05
@@ -273,9 +273,9 @@ IDEAL: Final = Machine()
 """The machine that obeys the twin's equations."""
 
 
-def _product(first: Triple, second: Triple) -> Triple:
-    return first[0] * second[0], first[1] * second[1], first[2] * second[2]
+def _product(first: JointVector, second: JointVector) -> JointVector:
+    return tuple(a * b for a, b in zip(first, second, strict=True))
 
 
-def _sum(first: Triple, second: Triple) -> Triple:
-    return first[0] + second[0], first[1] + second[1], first[2] + second[2]
+def _sum(first: JointVector, second: JointVector) -> JointVector:
+    return tuple(a + b for a, b in zip(first, second, strict=True))

@@ -13,8 +13,8 @@ from dtwin.errors import DivergenceError, IdentificationError
 from dtwin.identification.estimation.estimate import covariance
 from dtwin.identification.estimation.identifiability import Identifiability, analyse
 from dtwin.identification.estimation.problem import Problem
-from dtwin.identification.excitation.plan import Excitation, Plan, Ticks
-from dtwin.parameters import ArmParameters, Triple, scaled
+from dtwin.identification.excitation.plan import Excitation, Plan
+from dtwin.parameters import JOINTS, ArmParameters, CellJoints, joint_vector, scaled
 
 UNITS: Final = (2, 45)
 """Least and largest length of a unit that the search tries, ticks."""
@@ -42,7 +42,7 @@ class CramerRaoBounds:
     bounds: dict[str, float]
     relative: dict[str, float]
     identifiability: Identifiability
-    reach: Triple
+    reach: CellJoints
 
     @property
     def worst(self) -> float:
@@ -143,7 +143,9 @@ def _worst(plan: Plan, free: tuple[str, ...], arm: ArmParameters, deviation: flo
 def _anywhere(limit: Excitation, generator: np.random.Generator) -> Excitation:
     share = generator.choice((-1.0, 1.0), 3) * generator.choice(_SHARES, 3)
     unit = int(generator.integers(UNITS[0], UNITS[1] + 1))
-    return Excitation(_triple(share * limit.amplitude), unit, _ticks(generator.integers(0, LATEST + 1, 3)))
+    return Excitation(
+        joint_vector(share * limit.amplitude), unit, tuple(generator.integers(0, LATEST + 1, JOINTS).tolist())
+    )
 
 
 def _near(signal: Excitation, limit: Excitation, generator: np.random.Generator) -> Excitation:
@@ -158,15 +160,5 @@ def _near(signal: Excitation, limit: Excitation, generator: np.random.Generator)
         else:
             unit += int(generator.choice((-2, -1, 1, 2)))
     bound = np.abs(limit.amplitude)
-    clipped = _triple(np.clip(amplitude, -bound, bound))
-    return Excitation(clipped, min(max(unit, UNITS[0]), UNITS[1]), _ticks(np.clip(delay, 0, LATEST)))
-
-
-def _triple(values: np.ndarray) -> Triple:
-    first, second, third = values.tolist()
-    return first, second, third
-
-
-def _ticks(values: np.ndarray) -> Ticks:
-    first, second, third = values.tolist()
-    return first, second, third
+    clipped = joint_vector(np.clip(amplitude, -bound, bound))
+    return Excitation(clipped, min(max(unit, UNITS[0]), UNITS[1]), tuple(np.clip(delay, 0, LATEST).tolist()))

@@ -9,15 +9,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 
 from dtwin.errors import ParameterError
 from dtwin.identification.data import Array, Experiment, Start
-from dtwin.parameters import HOME, PERIOD, VOLTAGE_LIMIT, PayloadModel, Triple
+from dtwin.parameters import HOME, JOINTS, ONE_A_JOINT, PERIOD, VOLTAGE_LIMIT, CellJoints, PayloadModel
 
-Ticks = tuple[int, int, int]
+Ticks = Annotated[tuple[int, ...], ONE_A_JOINT]
 
 SAMPLES: Final = 350
 """Length of a standard experiment, samples: 3.5 s."""
@@ -37,9 +37,9 @@ class Excitation:
         ParameterError: an amplitude is beyond the limit of the motors, the unit below 1 or a delay below 0.
     """
 
-    amplitude: Triple = (6.0, 4.0, 3.0)
+    amplitude: CellJoints = (6.0, 4.0, 3.0)
     unit: int = 5
-    delay: Ticks = (0, 0, 0)
+    delay: Ticks = (0,) * JOINTS
 
     def __post_init__(self) -> None:
         for joint, volts in enumerate(self.amplitude, 1):

@@ -69,9 +69,9 @@ class Rig:
         controller.start(signal.amplitude, signal.unit, signal.delay, plan.samples)
         measured, volts = np.empty((plan.samples, 3)), np.empty((plan.samples, 3))
         for k in range(plan.samples):
-            first, second, third, gripper = encoders.measure(plant.sampled, plant.time)
-            command = controller.step((first, second, third), gripper)
-            measured[k], volts[k] = (first, second, third), command[:3]
+            *theta, gripper = encoders.measure(plant.sampled, plant.time)
+            command = controller.step(tuple(theta), gripper)
+            measured[k], volts[k] = theta, command[:3]
             plant.apply(command)
             plant.advance(PERIOD)
         return plan.experiment(measured, volts)

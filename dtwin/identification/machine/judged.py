@@ -23,7 +23,7 @@ from dtwin.identification.machine.record import SCHEMA, Grade, MachineRecord, Nu
 from dtwin.identification.machine.ripple import fit_with_ripple
 from dtwin.identification.machine.sheet import IDENTIFIED, sheet
 from dtwin.logs.log import Log
-from dtwin.parameters import PARAMETER_NAMES, ArmParameters, Triple
+from dtwin.parameters import PARAMETER_NAMES, ArmParameters, joint_vector
 from dtwin.twin.effects import EFFECT_NAMES, Effects
 from dtwin.twin.machine import vector_of
 
@@ -177,9 +177,9 @@ def record_of(judged: Judged, sensors: SensorCheck, arm: ArmParameters, source: 
         SCHEMA,
         judged.grade,
         numbers,
-        _triple(judged.fit),
-        _triple(found.noise),
-        _triple(judged.encoders),
+        joint_vector(judged.fit),
+        joint_vector(found.noise),
+        joint_vector(judged.encoders),
         sensors,
         found.converged,
         judged.remarks(),
@@ -220,8 +220,3 @@ def moving(segments: Iterable[Experiment], length: float, moved: float) -> list[
 def _empty(log: Log, length: float, moved: float) -> list[Experiment]:
     """Moving segments of the empty gripper."""
     return [] if log.columns["box_gripped"].all() else moving(from_log(log, None, length), length, moved)
-
-
-def _triple(values: Array) -> Triple:
-    first, second, third = values.tolist()
-    return first, second, third

@@ -10,7 +10,7 @@ import msgspec
 from dtwin.controller.proposed import ProposedSettings
 from dtwin.errors import DtwinError, ModelError
 from dtwin.files import replacing
-from dtwin.parameters import PARAMETER_NAMES, ArmParameters, Triple
+from dtwin.parameters import ONE_A_JOINT, PARAMETER_NAMES, ArmParameters, CellJoints
 from dtwin.twin.effects import EFFECT_NAMES, Effects
 
 Grade = Literal["identified", "approximate", "unusable"]
@@ -88,11 +88,11 @@ class Healthy(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             the last, as shares, 1/s, of those that certainly did.
     """
 
-    slow: tuple[NotNegative, NotNegative, NotNegative]
+    slow: Annotated[tuple[NotNegative, ...], ONE_A_JOINT]
     memory: Annotated[float, msgspec.Meta(gt=0.0)]
     grip: NotNegative
     displacement: NotNegative
-    compliance: tuple[NotNegative, NotNegative, NotNegative]
+    compliance: Annotated[tuple[NotNegative, ...], ONE_A_JOINT]
     stick: NotNegative
     tails: dict[str, Passed]
     misfit: NotNegative
@@ -135,7 +135,7 @@ class SensorCheck(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         duration: length of the log, s.
     """
 
-    encoders: tuple[EncoderCheck, EncoderCheck, EncoderCheck]
+    encoders: Annotated[tuple[EncoderCheck, ...], ONE_A_JOINT]
     lost: NotNegative | None
     told: NotNegative
     missing: NotNegative
@@ -168,9 +168,9 @@ class MachineRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     schema: str
     grade: Grade
     numbers: dict[str, Number]
-    fit: Triple
-    unexplained: Triple
-    encoders: Triple
+    fit: CellJoints
+    unexplained: CellJoints
+    encoders: CellJoints
     sensors: SensorCheck
     converged: bool
     remarks: list[str]

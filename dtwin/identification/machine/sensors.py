@@ -70,11 +70,11 @@ def check_sensors(log: Log) -> SensorCheck:
     ticks = np.diff(log.ticks()).astype(np.float64)
     repeated = np.concatenate(([False], (np.diff(measured, axis=0) == 0.0).all(axis=1) & (ticks == 1.0)))
     calm = ~_jolted(log.stack("volts")[:, :3])
-    first, second, third = encoders = [_encoder(measured[:, i], ticks == 1.0, repeated, calm) for i in range(3)]
+    encoders = tuple(_encoder(readings, ticks == 1.0, repeated, calm) for readings in measured.T)
     slowest = np.array([max(3.0 * e.step, 7.0 * e.noise) if e.step else _SLOWEST for e in encoders])
     told = _tells_losses(measured, ticks == 1.0, slowest)
     return SensorCheck(
-        encoders=(first, second, third),
+        encoders=encoders,
         lost=float(np.mean(repeated[told])) * _HOUR if told.any() else None,
         told=round(float(told.sum()) * PERIOD, 2),
         missing=float(np.sum(ticks - 1.0)) / (float(np.sum(ticks)) + 1.0) * _HOUR,

@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 import logging
-import threading
-from collections import deque
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Final
 
-from dtwin.bus.line.messages import LineDecision, LineState
-from dtwin.bus.line.plant import FlowAnswer, FlowQuestion, Passing, PlantSetUp, PlantState, PlantWord, ZoneState
-from dtwin.bus.line.topics import PLANT_SET_UP, PLANT_STATE, PLANT_WORD, ZONE_FLOW, ZONE_STATE
+from dtwin.bus.line.messages import LineState
+from dtwin.bus.line.plant import FlowAnswer, FlowQuestion, Passing, PlantState, PlantWord, ZoneState
+from dtwin.bus.line.topics import ZONE_FLOW, ZONE_STATE
 from dtwin.bus.session import Bus
 from dtwin.bus.topics.topic import CHECKED
-from dtwin.errors import CommunicationError, DtwinError, ParameterError, UnansweredError, choices
+from dtwin.errors import CommunicationError, ParameterError, UnansweredError, choices
 from dtwin.line.line import Assignment, Line
 from dtwin.line.live.between import Between
-from dtwin.line.live.heard import believed, check_answer, check_plant_state, check_zone_state
+from dtwin.line.live.distant import Decisions, DistantPlant
+from dtwin.line.live.heard import believed, check_answer, check_zone_state
 from dtwin.line.live.seen import line_state
 from dtwin.line.live.serving import Answers
 from dtwin.line.twins.ability import Capability
@@ -35,14 +34,8 @@ HEARD: Final = 10.0
 """Time without a word after which a zone counts as absent, s; its twin is busy for some when it looks back."""
 _ANSWER: Final = 20.0
 """Longest wait for what a zone lets through, s."""
-_RESUMED: Final = 200
-"""Number of decisions that a process which begins anew takes up."""
 _RETRY: Final = 1.0
 """Time after which it is tried again to do what could not be done, s."""
-_ON_ITS_WAY: Final = 2.0
-"""Longest time for which a state of the plant is on its way, s; one that is older is that of a plant begun anew."""
-_SEEN: Final = 5.0
-"""Longest time until the twin of a zone has seen that an arm was released, s."""
 _LOOK: Final = 0.1
 """Time from one look at what has come to the next, s."""
 
@@ -162,36 +155,32 @@ class LiveOverall:
     def __init__(
         self, line: Line, mode: Mode, bus: Bus, book: Book, history: LineFile[Decision], clock: Callable[[], float]
     ) -> None:
-        self._line, self._mode, self._bus, self._history = line, mode, bus, history
+        self._line, self._mode = line, mode
+        self._decisions = Decisions(history)
         self._between = Between(clock, CHECKED)
         self._clock, self._tried = clock, -_RETRY
         self._zones = [DistantZone(line, number, bus, clock) for number in range(len(line.zones))]
-        self._decisions: list[Decision] = []
         self._able: dict[str, Capability] = {}
-        self._heard: set[tuple[float, str, str, str]] = set()
-        self._absence = Absence(self._note)
+        self._absence = Absence(self._decisions.note)
         self._lost: set[str] = set()
-        self._plant: PlantState | None = None
-        self._holding = threading.Lock()
-        self.work = Reorganisation(line, mode, self._zones, Doors(self._tell, self._now, self._note, self._propose))
+        doors = Doors(self._tell, self._now, self._decisions.note, self._propose)
+        self.work = Reorganisation(line, mode, self._zones, doors)
         self._answers = Answers(line, self, book, bus, self._between)
-        self._hold = believed(partial(check_plant_state, line), self._take)
-        bus.subscribe(PLANT_STATE, PlantState, self._hold)
+        self._plant = DistantPlant(line, bus, self._pass_on)
 
     @property
     def time(self) -> float:
         """Plant time of the last state of the plant, s."""
-        return 0.0 if self._plant is None else self._plant.time
+        return 0.0 if self._plant.state is None else self._plant.state.time
 
     @property
     def present(self) -> bool:
         """Whether the plant and all zones have told something."""
-        return self._plant is not None and all(zone.present for zone in self._zones)
+        return self._plant.state is not None and all(zone.present for zone in self._zones)
 
     def resume(self) -> None:
         """Takes up what an earlier process has written about the same run, which the zones still tell."""
-        self._decisions = list(deque(self._history.entries(), maxlen=_RESUMED))
-        self._heard = {_name_of(decision) for decision in self._decisions}
+        self._decisions.resume()
 
     def prepare(self) -> None:
         """Lets the zones find out, at the same time, what every way to share the work out brings."""
@@ -208,7 +197,7 @@ class LiveOverall:
     def look(self) -> None:
         """Does for a moment what is asked, and answers what has come."""
         self._between.serve(_LOOK)
-        plant = self._plant
+        plant = self._plant.state
         if plant is None:
             return
         if plant.version != self.work.version:
@@ -226,18 +215,16 @@ class LiveOverall:
     def _look_at(self, zone: DistantZone) -> None:
         """What has been decided in a zone, what its arms can do otherwise than before, and whether it answers."""
         for each in () if zone.state is None else zone.state.decisions:
-            if (name := _name_of(each)) not in self._heard:
-                self._heard.add(name)
-                if self._is_noted(each):
-                    continue
-                self._note(Decision(each.time, each.who, each.what, each.why, each.station, {}, each.rate))
+            self._decisions.hear(each)
         if zone.missed and zone.name not in self._lost:
             self._lost.add(zone.name)
             why = f"the twin of zone {zone.name} does not answer: what the zone does stays as it is"
-            self._note(Decision(self.time, "overall twin", "no answer", why))
+            self._decisions.note(Decision(self.time, "overall twin", "no answer", why))
         elif zone.present and zone.name in self._lost:
             self._lost.remove(zone.name)
-            self._note(Decision(self.time, "overall twin", "answers again", f"the twin of zone {zone.name} answers"))
+            self._decisions.note(
+                Decision(self.time, "overall twin", "answers again", f"the twin of zone {zone.name} answers")
+            )
             self.work.reconsider(f"the twin of zone {zone.name} answers again", "")
         for station in zone.stations:
             able, before = zone.capability(station), self._able.get(station)
@@ -249,22 +236,16 @@ class LiveOverall:
             else:
                 self.work.reconsider(f"{station} can do {able.ability}", station)
 
-    def _is_noted(self, seen: LineDecision) -> bool:
-        """Whether the twin of a zone has seen an arm move again that somebody has released here."""
-        return seen.what == "repair" and any(
-            each.what == "repair" and each.station == seen.station and 0.0 <= seen.time - each.time <= _SEEN
-            for each in self._decisions
-        )
-
     def state(self) -> LineState:
         """How it does.
 
         Raises:
             CommunicationError: the plant has told nothing yet.
         """
-        if self._plant is None:
+        plant = self._plant.state
+        if plant is None:
             raise CommunicationError("the plant of the line has told nothing yet; try again")
-        return line_state(self._line, self._mode, self._plant, self.work, self._capability, self._decisions)
+        return line_state(self._line, self._mode, plant, self.work, self._capability, self._decisions.entries)
 
     def stop(self, station: str, who: str, why: str) -> None:
         """Stops the arm of a station, which keeps its box; what follows the twin of its zone says.
@@ -273,8 +254,8 @@ class LiveOverall:
             ParameterError: there is no such station.
             CommunicationError: the plant does not answer.
         """
-        self._word(PlantWord(self._checked(station), "failed", f"it was stopped by {who}: {why}"[:1000]))
-        self._note(Decision(self.time, who, "stop", why, station))
+        self._plant.word(PlantWord(self._checked(station), "failed", f"it was stopped by {who}: {why}"[:1000]))
+        self._decisions.note(Decision(self.time, who, "stop", why, station))
 
     def settle(self, station: str, who: str, why: str) -> None:
         """Has an arm work with the settings that its twin has found.
@@ -287,8 +268,8 @@ class LiveOverall:
         if found.settings is None:
             raise ParameterError(f"station {station}: expected one whose twin has found other settings: {found.why}")
         said = f"asked for by {who}: {why}"[:1000]
-        self._word(PlantWord(station, "settings", said, found.settings))
-        self._note(Decision(self.time, who, "settings", why, station))
+        self._plant.word(PlantWord(station, "settings", said, found.settings))
+        self._decisions.note(Decision(self.time, who, "settings", why, station))
 
     def release(self, station: str, who: str, why: str) -> None:
         """Lets a stopped arm move again, as one that is repaired.
@@ -297,8 +278,8 @@ class LiveOverall:
             ParameterError: there is no such station, or its arm is not stopped.
             CommunicationError: the plant does not answer.
         """
-        self._word(PlantWord(self._checked(station), "release", f"released by {who}: {why}"[:1000]))
-        self._note(Decision(self.time, who, "repair", why, station))
+        self._plant.word(PlantWord(self._checked(station), "release", f"released by {who}: {why}"[:1000]))
+        self._decisions.note(Decision(self.time, who, "repair", why, station))
 
     def _capability(self, station: str) -> Capability:
         return self._zones[self._line.zone_of(station)].capability(station)
@@ -309,49 +290,18 @@ class LiveOverall:
             raise ParameterError(f"station: expected {choices(names)}, got {station!r}")
         return station
 
-    def _word(self, word: PlantWord) -> None:
-        self._hold(self._bus.ask(PLANT_WORD, word, PlantState))
-
     def _tell(self, assignment: Assignment) -> bool:
-        """Has the zones set up; whether they take it. Raises UnansweredError: the plant does not answer."""
-        try:
-            self._hold(self._bus.ask(PLANT_SET_UP, PlantSetUp(self.work.version, dict(assignment)), PlantState))
-        except UnansweredError:
-            raise
-        except CommunicationError as error:
-            log.info("%s", error)
-            return False
-        return True
+        return self._plant.set_up(self.work.version, assignment)
 
     def _now(self) -> float:
         return self.time
 
-    def _take(self, state: PlantState) -> None:
-        """Takes a state of the plant, unless a newer one was the answer to a question while it was on its way."""
-        with self._holding:
-            held = self._plant
-            older = held is not None and (state.time, state.version) < (held.time, held.version)
-            if older and held is not None and held.time - state.time < _ON_ITS_WAY:
-                return
-            self._plant = state
-            for zone in self._zones:
-                zone.plant = state
-
-    def _note(self, decision: Decision) -> None:
-        """Keeps a decision; a disk that is full does not end the twin."""
-        self._decisions.append(decision)
-        try:
-            self._history.append(decision)
-        except DtwinError as error:
-            log.error("a decision is not in the history: %s", error)
+    def _pass_on(self, state: PlantState) -> None:
+        for zone in self._zones:
+            zone.plant = state
 
     def _propose(self, choice: Choice, why: str) -> None:
         self._answers.lay(choice, why)
-
-
-def _name_of(decision: Decision | LineDecision) -> tuple[float, str, str, str]:
-    """By what a decision is known again."""
-    return decision.time, decision.who, decision.what, decision.station
 
 
 def _same(able: Capability, before: Capability) -> bool:

@@ -9,7 +9,6 @@ import logging
 from collections import deque
 from collections.abc import Callable
 from functools import partial
-from threading import Lock
 from typing import Any, Final
 
 from dtwin.bus.line.messages import TOLD
@@ -24,25 +23,22 @@ from dtwin.bus.line.plant import (
     StationReading,
     ZoneState,
 )
-from dtwin.bus.line.situation import PlantSituation
-from dtwin.bus.line.topics import PLANT_NOW, PLANT_SET_UP, PLANT_STATE, PLANT_WORD, ZONE_FLOW, ZONE_STATE
+from dtwin.bus.line.topics import PLANT_SET_UP, PLANT_STATE, ZONE_FLOW, ZONE_STATE
 from dtwin.bus.session import Bus
-from dtwin.errors import CommunicationError, ParameterError
+from dtwin.errors import CommunicationError
 from dtwin.line.chain.cell import arm_cell, believed_chain_settings
-from dtwin.line.control import OneResource
 from dtwin.line.line import Line, Load, StationPlan
 from dtwin.line.live.arms import ArmFollower
+from dtwin.line.live.asked import Recollection, Requests
 from dtwin.line.live.chain import ChainArmFollower
-from dtwin.line.live.heard import believed, check_plant_state, check_question, check_situation
+from dtwin.line.live.heard import believed, check_plant_state, check_question
 from dtwin.line.live.seen import told
-from dtwin.line.situation import Situation
 from dtwin.line.twins.decisions import OPERATOR, REPAIRED, Decision, Mode
 from dtwin.line.twins.guard import Guard, Hands, StopState
 from dtwin.line.twins.node import BEFORE
 from dtwin.line.twins.nodes import node_of
 from dtwin.line.twins.zone import ZoneTwin
 from dtwin.parameters import PERIOD
-from iec61499.errors import FunctionBlockError
 
 log = logging.getLogger(__name__)
 
@@ -77,18 +73,15 @@ class LiveZone:
         self._line, self._mode = line, mode
         zone = line.zones[number]
         nodes = {s.name: node_of(line, s) for s in zone.stations}
-        self._twin = ZoneTwin(line, number, nodes, self._situation)
-        self._blocks: OneResource | None = None
-        self._known: Situation | None = None
-        self._recalling = Lock()
+        own = self._own = bus.beside(zone.name)
+        recollection = Recollection(line, own)
+        self._twin = ZoneTwin(line, number, nodes, lambda: recollection.at(self.time))
         self._guard = Guard(nodes, mode, Hands(self._stop, self._settle, self._needed, self._works, self._note))
         self._decisions: deque[Decision] = deque(maxlen=TOLD)
         self._plant: PlantState | None = None
-        self._seen_changed: set[str] = set()
-        self._demanded: dict[str, PlantWord] = {}
+        self._requests = Requests(own)
         self._looked = 0.0
         self._alone = True
-        own = self._own = bus.beside(zone.name)
         self._tell = own.publisher(ZONE_STATE)
         self._arms = {station.name: _follower(bus.beside(station.name), station, put) for station in zone.stations}
         bus.subscribe(PLANT_STATE, PlantState, believed(partial(check_plant_state, line), put))
@@ -137,15 +130,7 @@ class LiveZone:
         """Looks at what an arm has done, and what follows from it."""
         name, stop, settings = reading.name, reading.stop, reading.settings
         time, reasons = self.time, []
-        if stop or settings is not None:
-            self._seen_changed.add(name)
-        asked = self._demanded.get(name)
-        if asked is not None and (stop or (asked.word == "settings" and asked.settings == settings)):
-            del self._demanded[name]
-        elif asked is not None:
-            self._demand(asked)
-        elif name in self._seen_changed and not stop and settings is None:
-            self._seen_changed.remove(name)
+        if self._requests.look(reading):
             reasons.append(self._guard.repaired(name, time, OPERATOR, REPAIRED))
         if stop and reading.why:
             reasons += self._guard.known(name, reading.why)
@@ -182,13 +167,11 @@ class LiveZone:
 
     def _stop(self, station: str, state: StopState, why: str) -> None:
         """Has an arm stopped; that is said again with every look until the plant tells that it is."""
-        self._demanded[station] = PlantWord(station, state, why[:1000])
-        self._demand(self._demanded[station])
+        self._requests.ask(PlantWord(station, state, why[:1000]))
 
     def _settle(self, station: str, settings: Settings, why: str) -> None:
         """Has an arm work with other settings; that is said again likewise."""
-        self._demanded[station] = PlantWord(station, "settings", why[:1000], settings)
-        self._demand(self._demanded[station])
+        self._requests.ask(PlantWord(station, "settings", why[:1000], settings))
 
     def _needed(self, station: str) -> frozenset[Load]:
         """What a station brings to which places now."""
@@ -199,33 +182,6 @@ class LiveZone:
         """The box that the arm of a station holds, or is offered, now."""
         readings = () if self._plant is None else self._plant.stations
         return next((each.load for each in readings if each.name == station), None)
-
-    def _demand(self, word: PlantWord) -> None:
-        try:
-            self._own.ask(PLANT_WORD, word, PlantState)
-        except CommunicationError as error:
-            log.error("%s: %s is not heard: %s", word.station, word.word, error)
-
-    def _situation(self) -> Situation | None:
-        """What the plant tells that the line is, of a second ago at most; None where it cannot tell.
-
-        Several questions may be answered at once, each on a thread of its own.
-        """
-        with self._recalling:
-            return self._recalled()
-
-    def _recalled(self) -> Situation | None:
-        if self._known is not None and 0.0 <= self.time - self._known.plant.time < _LOOK:
-            return self._known
-        try:
-            told = self._own.ask(PLANT_NOW, None, PlantSituation)
-            check_situation(self._line, told)
-            self._blocks = self._blocks or OneResource(self._line)
-            self._known = Situation(told.plant, told.set_ups, told.done_by, self._blocks.recall(told.blocks))
-        except (CommunicationError, ParameterError, FunctionBlockError) as error:
-            log.info("simulated from an empty zone on: %s", error)
-            self._known = None
-        return self._known
 
     def _flow(self, asked: FlowQuestion) -> FlowAnswer:
         """Answers on a thread of its own: a simulation takes seconds, in which the arms are watched."""

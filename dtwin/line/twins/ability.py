@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
 
@@ -89,48 +89,63 @@ class Trials:
     usual: WorkTimes
 
 
-def capability_of(
-    places: Sequence[str],
-    masses: Sequence[float],
-    beyond: Mapping[float, Collection[str]],
-    trials: Trials,
-    why: str,
-) -> Capability:
-    """What an arm can do, as the weights at its places and a rehearsal with other settings say.
+@dataclass(frozen=True, slots=True)
+class Boxes:
+    """The boxes that an arm has to bring.
 
-    Args:
+    Attributes:
         places: names of the places of its cell, beside "pickup".
-        masses: largest masses of the classes of boxes, the heaviest first, and the mass of the lightest box, kg.
-        beyond: places at which it cannot hold such a mass at rest.
-        trials: rehearsals of it.
-        why: what was found of it, in words.
+        masses: largest masses of their classes, the heaviest first, and the mass of the lightest one, kg.
     """
-    heaviest, classes = masses[0], masses[:-1]
-    ability, _ = held_at(places, beyond[heaviest], beyond[masses[-1]])
-    found, loads = _within_reach(trials, classes, heaviest_held(places, classes, beyond))
-    if found is None:
-        heavy = sorted(beyond[heaviest])
-        words = f"it cannot hold {heaviest:g} kg at {', '.join(heavy)}" if heavy else "it leaves its path"
-        return Capability("nothing" if loads else ability, (), f"{why}: {words}")
-    able = tuple(found.times.carry)
-    full = tuple(place for place in able if loads[place] == heaviest)
-    lighter = tuple((place, loads[place]) for place in able if loads[place] < heaviest)
-    usual = longest(trials.usual, able)
-    ability = "slower" if found.cycle > SLOWER * usual else "all"
-    if lighter:
-        ability = "lighter boxes"
-    if len(able) < len(places):
-        ability = "some places"
-    words = (
-        f"with {found.settings.text()}, it takes {found.cycle:.1f} s"
-        f" for a box of {heaviest if full else max(loads.values()):g} kg instead of {usual:.1f} s,"
-        f" to {', '.join(full or able)}"
-    )
-    if full and lighter:
-        words += "; " + ", ".join(f"of {mass:g} kg at most to {place}" for place, mass in lighter)
-    if heavy := sorted(set(beyond[heaviest]) - set(loads)):
-        words += f"; it cannot hold {heaviest:g} kg at {', '.join(heavy)}"
-    return Capability(ability, full, f"{why}: {words}", found.settings, found.times, lighter)
+
+    places: tuple[str, ...]
+    masses: tuple[float, ...]
+
+    @classmethod
+    def of(cls, places: Iterable[str], lightest: float, heaviest: float, classes: Sequence[float]) -> Boxes:
+        """The boxes of a line with such masses (kg), of which classes of largest masses can be told apart."""
+        return cls(tuple(places), (heaviest, *classes[1:], lightest))
+
+    def all_brought(self) -> Capability:
+        """What an arm can do with which nothing is wrong."""
+        return Capability("all", self.places, "nothing is wrong")
+
+    def brought(self, beyond: Callable[[float], Collection[str]], trials: Trials, why: str) -> Capability:
+        """What an arm can do, as the weights at its places and a rehearsal with other settings say.
+
+        Args:
+            beyond: gives the places at which it cannot hold a mass (kg) at rest.
+            trials: rehearsals of it.
+            why: what was found of it, in words.
+        """
+        masses, places = self.masses, self.places
+        heavy_at = {mass: beyond(mass) for mass in masses}
+        heaviest, classes = masses[0], masses[:-1]
+        ability, _ = held_at(places, heavy_at[heaviest], heavy_at[masses[-1]])
+        found, loads = _within_reach(trials, classes, heaviest_held(places, classes, heavy_at))
+        if found is None:
+            heavy = sorted(heavy_at[heaviest])
+            words = f"it cannot hold {heaviest:g} kg at {', '.join(heavy)}" if heavy else "it leaves its path"
+            return Capability("nothing" if loads else ability, (), f"{why}: {words}")
+        able = tuple(found.times.carry)
+        full = tuple(place for place in able if loads[place] == heaviest)
+        lighter = tuple((place, loads[place]) for place in able if loads[place] < heaviest)
+        usual = longest(trials.usual, able)
+        ability = "slower" if found.cycle > SLOWER * usual else "all"
+        if lighter:
+            ability = "lighter boxes"
+        if len(able) < len(places):
+            ability = "some places"
+        words = (
+            f"with {found.settings.text()}, it takes {found.cycle:.1f} s"
+            f" for a box of {heaviest if full else max(loads.values()):g} kg instead of {usual:.1f} s,"
+            f" to {', '.join(full or able)}"
+        )
+        if full and lighter:
+            words += "; " + ", ".join(f"of {mass:g} kg at most to {place}" for place, mass in lighter)
+        if heavy := sorted(set(heavy_at[heaviest]) - set(loads)):
+            words += f"; it cannot hold {heaviest:g} kg at {', '.join(heavy)}"
+        return Capability(ability, full, f"{why}: {words}", found.settings, found.times, lighter)
 
 
 def _within_reach(

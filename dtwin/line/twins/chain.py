@@ -16,7 +16,7 @@ from dtwin.line.chain.cell import believed_chain_settings
 from dtwin.line.chain.rows import ArmRows
 from dtwin.line.line import StationPlan
 from dtwin.line.station import FREE, WorkTimes
-from dtwin.line.twins.ability import Capability, Trials, capability_of
+from dtwin.line.twins.ability import Boxes, Capability, Trials
 from dtwin.line.twins.joints import joints_rehearsed
 from dtwin.line.twins.rehearsal import rehearsed
 from dtwin.line.twins.tried import Tried
@@ -64,14 +64,13 @@ class ChainNodeTwin:
     ) -> None:
         self.plan = plan
         self._settings: ChainSettings = believed_chain_settings(plan, cell)
-        self._masses, self._classes = (lightest, heaviest), (heaviest, *classes[1:])
         task = self._settings.sorting
         assert task is not None
-        self._places = tuple(task.places)
+        self._boxes = Boxes.of(task.places, lightest, heaviest, classes)
         self._usual = self._shares(heaviest, np.zeros(len(self._settings.arm)))
-        self.capability = self._able()
+        self.capability = self._boxes.all_brought()
         self._monitor: ArmMonitor | None = None
-        self._work = MeasuredWork(self._places, self._settings.arm.period)
+        self._work = MeasuredWork(self._boxes.places, self._settings.arm.period)
         self._seen = self._told = self._from = 0
         self._known = False
         self._adjustment = Adjustment.none(len(self._settings.arm))
@@ -91,10 +90,10 @@ class ChainNodeTwin:
 
     def repaired(self) -> None:
         """The arm is as it was made to be; it is learned anew from its next work on."""
-        self.capability, self._known, self._monitor = self._able(), False, None
+        self.capability, self._known, self._monitor = self._boxes.all_brought(), False, None
         self._adjustment, self._changed = Adjustment.none(len(self._settings.arm)), None
         self._tried, self._from = Tried(), self._seen
-        self._work = MeasuredWork(self._places, self._settings.arm.period)
+        self._work = MeasuredWork(self._boxes.places, self._settings.arm.period)
 
     def stopped(self, why: str) -> None:
         """The arm was stopped, and nobody knows yet what it can do."""
@@ -147,7 +146,7 @@ class ChainNodeTwin:
         """Takes note that the blocks have other settings from now on, and count on what they say of the arm."""
         self._changed, self._adjustment, self._from = settings, settings.adjustment, self._seen
         self._tried.change()
-        self._work = MeasuredWork(self._places, self._settings.arm.period)
+        self._work = MeasuredWork(self._boxes.places, self._settings.arm.period)
         if self._monitor is not None:
             self._monitor.adjust(settings.adjustment)
             self._told = len(self._monitor.history)
@@ -186,13 +185,8 @@ class ChainNodeTwin:
     def _rehearsed(self, adjustment: Adjustment, why: str) -> Capability:
         """What an arm can do of which something is known: what its drives hold at rest, and bring in a rehearsal."""
         lost = 1.0 - np.array(adjustment.strength)
-        masses = (*self._classes, self._masses[0])
-        beyond = {mass: self._beyond(mass + max(adjustment.load, 0.0), lost) for mass in masses}
         trials = Trials(partial(joints_rehearsed, self.plan, adjustment), rehearsed(self.plan))
-        return capability_of(self._places, masses, beyond, trials, why)
-
-    def _able(self) -> Capability:
-        return Capability("all", self._places, "nothing is wrong")
+        return self._boxes.brought(lambda mass: self._beyond(mass + max(adjustment.load, 0.0), lost), trials, why)
 
     def _beyond(self, mass: float, lost: Array) -> list[str]:
         """The places at which drives that have lost some of their torque hold a mass (kg) without reserve."""
@@ -206,4 +200,4 @@ class ChainNodeTwin:
         needed = np.abs(inverse_dynamics(holding(arm, mass), poses, still, still))
         there = np.array([joint.largest for joint in arm.joints]) * np.maximum(1.0 - lost, 1e-9)
         shares = (needed / there).max(axis=1).reshape(-1, 3).max(axis=1)
-        return dict(zip(("pickup", *self._places), shares.tolist(), strict=True))
+        return dict(zip(("pickup", *self._boxes.places), shares.tolist(), strict=True))

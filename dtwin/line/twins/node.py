@@ -13,16 +13,16 @@ import numpy as np
 from dtwin.bus.line.plant import ArmSettings, Settings
 from dtwin.line.line import StationPlan
 from dtwin.line.station import FREE, WorkTimes, believed_settings
-from dtwin.line.twins.ability import Capability, Trials, capability_of
+from dtwin.line.twins.ability import Boxes, Capability, Trials
 from dtwin.line.twins.rehearsal import AWAY, rehearsed, rehearsed_anew
 from dtwin.line.twins.tried import SETTLED, Tried
 from dtwin.logs.collecting import RunLog
-from dtwin.monitoring.estimation.belief import NOISE_FLOOR, assumed
+from dtwin.monitoring.estimation.belief import NOISE_FLOOR, Belief, assumed
 from dtwin.monitoring.kinds import RELATIVE, SUPPLY, arm_state
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import Stream, stream
 from dtwin.monitoring.verdict import Finding
-from dtwin.parameters import PARAMETER_NAMES, ArmParameters, scaled
+from dtwin.parameters import PARAMETER_NAMES, ArmParameters, every_joint, scaled
 from dtwin.recovery.answers import answer_to
 from dtwin.recovery.strength import Strength
 
@@ -85,6 +85,50 @@ class Node(Protocol):
         """What a finding means to the blocks' safe stop."""
 
 
+class Scrutiny:
+    """The monitor of an arm, which is asked only while there is a reason, and the boxes that it has to know of."""
+
+    def __init__(self) -> None:
+        self._monitor: Monitor | None = None
+        self._told = 0
+        self._weighed: deque[tuple[int, float]] = deque(maxlen=_BOXES)
+
+    @property
+    def active(self) -> bool:
+        """Whether it is being asked."""
+        return self._monitor is not None
+
+    def weigh(self, row: int, mass: float) -> None:
+        """Takes note of the mass of boxes (kg) from a sample on."""
+        if not self._weighed or self._weighed[-1][1] != mass:
+            self._weighed.append((row, mass))
+
+    def end(self) -> None:
+        """Asks no more; next time the monitor begins anew."""
+        self._monitor = None
+
+    def look(self, belief: Belief, seen: Stream, first: int) -> list[Finding]:
+        """Has the monitor take in samples from a number on; what it has found since the last time.
+
+        Args:
+            belief: what is believed of the arm when the monitor begins.
+            seen: the samples.
+            first: number of the first one.
+        """
+        if self._monitor is None:
+            self._monitor, self._told = Monitor(belief), 0
+        monitor, done = self._monitor, 0
+        for row, mass in self._weighed:
+            begin = min(max(row - first, 0), len(seen))
+            seen.feed(monitor, done, begin)
+            monitor.estimator.box_mass = mass
+            done = begin
+        seen.feed(monitor, done, len(seen))
+        found = monitor.history[self._told :]
+        self._told += len(found)
+        return found
+
+
 class NodeTwin:
     """The twin of a station.
 
@@ -96,28 +140,22 @@ class NodeTwin:
 
     def __init__(self, plan: StationPlan, lightest: float, heaviest: float, classes: tuple[float, ...] = ()) -> None:
         self.plan = plan
-        settings = believed_settings(plan)
-        self._healthy, self._task = settings.arm, settings.task
-        self._noise = max(settings.noise, NOISE_FLOOR)
-        self._believe(self._healthy)
-        self._masses, self._classes = (lightest, heaviest), (heaviest, *classes[1:])
-        self._strength = Strength.of(self._healthy, heaviest, self._task)
-        self.capability = self._able()
-        self._monitor: Monitor | None = None
-        self._from = self._seen = self._told = self._suspected_until = 0
+        self._cell = believed_settings(plan)
+        self._belief = self._believed(self._cell.arm)
+        self._boxes = Boxes.of(self._cell.task.colours, lightest, heaviest, classes)
+        self._strength = Strength.of(self._cell.arm, heaviest, self._cell.task)
+        self.capability = self._boxes.all_brought()
+        self._scrutiny = Scrutiny()
+        self._from = self._seen = self._suspected_until = 0
         self._busy_since: int | None = None
-        self._weighed: deque[tuple[int, float]] = deque(maxlen=_BOXES)
         self._known = False
         self._settings: ArmSettings | None = None
         self.rests = False
         self._tried = Tried()
 
-    def _believe(self, arm: ArmParameters) -> None:
-        """Takes the arm to be one with these parameters."""
-        self._arm, self._belief = arm, assumed(arm, (self._noise,) * 3)
-
-    def _able(self) -> Capability:
-        return Capability("all", self._task.colours, "nothing is wrong")
+    def _believed(self, arm: ArmParameters) -> Belief:
+        """What is believed of the arm, taken to be one with these parameters."""
+        return assumed(arm, every_joint(max(self._cell.noise, NOISE_FLOOR)))
 
     @property
     def times(self) -> WorkTimes:
@@ -131,17 +169,18 @@ class NodeTwin:
 
     def repaired(self) -> None:
         """The arm is as it was made to be; what it does is watched from here on."""
-        self.capability, self._known, self._settings = self._able(), False, None
-        self._believe(self._healthy)
-        self._tried = Tried()
-        self._monitor, self._from, self._suspected_until, self._busy_since = None, self._seen, 0, None
+        self.capability, self._known, self._settings = self._boxes.all_brought(), False, None
+        self._belief, self._tried = self._believed(self._cell.arm), Tried()
+        self._scrutiny.end()
+        self._from, self._suspected_until, self._busy_since = self._seen, 0, None
 
     def _adopt(self, settings: ArmSettings, rows: int) -> None:
         """Takes note that the blocks have other settings from a tick on, whose model is the arm as it is known."""
         self._settings = settings
         self._tried.change()
-        self._believe(settings.model)
-        self._monitor, self._from, self._suspected_until = None, rows, 0
+        self._belief = self._believed(settings.model)
+        self._scrutiny.end()
+        self._from, self._suspected_until = rows, 0
         if self.capability.settings != settings:
             self.capability = self._rehearsed(settings.model, "other settings are in force")
 
@@ -167,11 +206,12 @@ class NodeTwin:
         """
         rows, first = len(log), self._seen
         if rows < first:  # the arm has begun anew
-            self._monitor, self._busy_since = None, None
+            self._scrutiny.end()
+            self._busy_since = None
             first = self._from = self._suspected_until = log.forgotten
         self._seen = rows
-        if mass is not None and (not self._weighed or self._weighed[-1][1] != mass):
-            self._weighed.append((first, mass))
+        if mass is not None:
+            self._scrutiny.weigh(first, mass)
         if isinstance(settings, ArmSettings) and settings != self._settings:
             self._adopt(settings, first)
         if self._known or rows == first:
@@ -186,29 +226,16 @@ class NodeTwin:
         if rows > self._from + SETTLED and (away > AWAY or late):
             self._suspected_until = rows + AFTER
         if rows > self._suspected_until:
-            self._monitor = None
+            self._scrutiny.end()
             return []
-        if self._monitor is None:
-            self._monitor, self._told = Monitor(self._belief), 0
+        if not self._scrutiny.active:
             first = max(self._from, first - BEFORE)
             new = log.since(first)
-        self._feed(self._monitor, stream(new), first)
-        found = self._monitor.history[self._told :]
-        self._told += len(found)
+        found = self._scrutiny.look(self._belief, stream(new), first)
         for each in found:
             self.capability = self.judged(each)
             self._known = self.capability.ability == "nothing"
         return found
-
-    def _feed(self, monitor: Monitor, seen: Stream, first: int) -> None:
-        """Has a monitor take in samples from a number on, with the masses that boxes had meanwhile."""
-        done = 0
-        for row, mass in self._weighed:
-            begin = min(max(row - first, 0), len(seen))
-            seen.feed(monitor, done, begin)
-            monitor.estimator.box_mass = mass
-            done = begin
-        seen.feed(monitor, done, len(seen))
 
     def stopped(self, why: str) -> None:
         """The arm was stopped, and nobody knows yet what it can do."""
@@ -235,16 +262,14 @@ class NodeTwin:
         """The arm as a finding says that it is; None for a finding that is not about its parameters."""
         name = str(finding.fault)
         if finding.fault.kind == SUPPLY:
-            return scaled(self._arm, "K", max(1.0 + finding.size, LEAST))
+            return scaled(self._belief.arm, "K", max(1.0 + finding.size, LEAST))
         if name not in PARAMETER_NAMES:
             return None
-        value = self._arm.get(name)
+        value = self._belief.arm.get(name)
         change = finding.size * (value if finding.fault.about.unit == RELATIVE else 1.0)
-        return self._arm.with_values({name: max(value + change, LEAST)})
+        return self._belief.arm.with_values({name: max(value + change, LEAST)})
 
     def _rehearsed(self, arm: ArmParameters, why: str) -> Capability:
         """What an arm can do, as the weights at its places and a rehearsal with other settings say."""
-        lightest, _ = self._masses
-        beyond = {mass: self._strength.beyond(arm, mass) for mass in (*self._classes, lightest)}
         trials = Trials(partial(rehearsed_anew, self.plan, arm), rehearsed(self.plan))
-        return capability_of(self._task.colours, (*self._classes, lightest), beyond, trials, why)
+        return self._boxes.brought(partial(self._strength.beyond, arm), trials, why)

@@ -15,7 +15,7 @@ from dtwin.identification.machine.record import LEARNED, MachineRecord
 from dtwin.identification.model import IdentifiedModel
 from dtwin.monitoring.estimation.layout import ARM_NAMES
 from dtwin.monitoring.learning.course import courses
-from dtwin.parameters import ArmParameters, Triple, symbol_of
+from dtwin.parameters import ArmParameters, CellJoints, JointVector, every_joint, joint_vector, symbol_of
 from dtwin.twin.effects import NO_EFFECTS, Effects
 
 if TYPE_CHECKING:
@@ -59,12 +59,12 @@ class Unmodelled:
         ParameterError: a number is out of range.
     """
 
-    white: Triple = (1e-4, 1e-4, 1e-4)
-    slow: Triple = (0.0, 0.0, 0.0)
+    white: CellJoints = every_joint(1e-4)
+    slow: CellJoints = every_joint(0.0)
     memory: float = 0.1
     grip: float = 0.0
     displacement: float = 0.0
-    compliance: Triple = (0.0, 0.0, 0.0)
+    compliance: CellJoints = every_joint(0.0)
     stick: float = 1.0
     timing: float = 0.0
     closing: float | None = None
@@ -132,10 +132,10 @@ class Belief:
 
     arm: ArmParameters
     covariance: Array
-    noise: Triple
-    clip: Triple = (math.inf, math.inf, math.inf)
-    offset: Triple = (0.0, 0.0, 0.0)
-    offset_deviation: Triple = field(default=(UNKNOWN_OFFSET, UNKNOWN_OFFSET, UNKNOWN_OFFSET))
+    noise: CellJoints
+    clip: CellJoints = every_joint(math.inf)
+    offset: CellJoints = every_joint(0.0)
+    offset_deviation: CellJoints = every_joint(UNKNOWN_OFFSET)
     effects: Effects = NO_EFFECTS
     error: Unmodelled = Unmodelled()
     tails: Mapping[str, Tail] = field(default_factory=dict)
@@ -170,13 +170,13 @@ class Belief:
         return self.error.stick * (np.array(self.arm.coulomb) + np.array(self.effects.stiction))
 
 
-def assumed(arm: ArmParameters, noise: Triple) -> Belief:
+def assumed(arm: ArmParameters, noise: JointVector) -> Belief:
     """A belief in parameters whose covariance is not known."""
     deviations = [TOLERANCE[symbol_of(name)] * arm.get(name) for name in ARM_NAMES]
     return Belief(arm, np.diag(np.square(deviations)), noise)
 
 
-def data_sheet(noise: Triple) -> Belief:
+def data_sheet(noise: JointVector) -> Belief:
     """A belief in the arm of the data sheet, which nobody has held against the arm that is watched."""
     return replace(assumed(ArmParameters(), noise), sheet=True)
 
@@ -199,17 +199,15 @@ def identified(model: IdentifiedModel) -> Belief:
         for j, column in enumerate(ARM_NAMES):
             if row in place and column in place:
                 covariance[i, j] = matrix[place[row], place[column]]
-    first, second, third = model.offsets
     spread = [
         max(1e-3, matrix[place[name], place[name]] ** 0.5) if name in place else UNKNOWN_OFFSET for name in _BIAS
     ]
-    n1, n2, n3 = model.validity.noise
     return Belief(
         model.arm,
         covariance,
-        (n1, n2, n3),
-        offset=(first, second, third),
-        offset_deviation=(spread[0], spread[1], spread[2]),
+        joint_vector(model.validity.noise),
+        offset=joint_vector(model.offsets),
+        offset_deviation=tuple(spread),
     )
 
 

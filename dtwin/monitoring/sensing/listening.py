@@ -134,9 +134,8 @@ def _with(belief: Belief, heard: Sequence[Noise]) -> Belief:
     pairs = list(zip(heard, belief.noise, strict=True)) if heard else []
     if not any(noise.differs(believed) for noise, believed in pairs):
         return belief
-    first, second, third = (noise.white if noise.differs(believed) else believed for noise, believed in pairs)
-    clip1, clip2, clip3 = (noise.clip for noise in heard)
-    return replace(belief, noise=(first, second, third), clip=(clip1, clip2, clip3))
+    white = tuple(noise.white if noise.differs(believed) else believed for noise, believed in pairs)
+    return replace(belief, noise=white, clip=tuple(noise.clip for noise in heard))
 
 
 def _level(segment: Array) -> Array:

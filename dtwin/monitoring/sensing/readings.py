@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from dtwin.identification.estimation.quality import code_width, noise
 from dtwin.monitoring.estimation.belief import NOISE_FLOOR
 from dtwin.monitoring.sensing.judging import DEVIATIONS, FAR, FROZEN, NOISY, RESOLUTIONS, apply, judge
-from dtwin.parameters import Triple
+from dtwin.parameters import JointVector, joint_vector
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -83,7 +83,7 @@ class Readings:
         confirmed: (3,), which have shown that it was not.
     """
 
-    def __init__(self, noise: Triple) -> None:
+    def __init__(self, noise: JointVector) -> None:
         self._deviation = np.array(noise)
         self._told = self._deviation
         self._unweighed = True
@@ -232,13 +232,13 @@ class Readings:
             self.frozen &= (self._divisor > NOISE_FLOOR) | (self.resolution > 0.0)
         return measurements
 
-    def expect_tails(self, clip: Triple) -> None:
+    def expect_tails(self, clip: JointVector) -> None:
         """Takes the noise to have exponential tails beyond so many standard deviations: such noise is farther off as
         rarely."""
         clips = np.minimum(clip, FAR)
         self._far = 0.5 * FAR**2 / clips + 0.5 * clips
 
-    def listen(self, measured: Array) -> Triple | None:
+    def listen(self, measured: Array) -> JointVector | None:
         """Takes in a sample, (3,) rad, to judge the noise; that of the resolution q is q / sqrt(12).
 
         Returns:
@@ -262,8 +262,7 @@ class Readings:
         if not ((ratio > _NOISIER) | (ratio < 1.0 / _NOISIER)).any():
             return None
         self._told = total
-        first, second, third = total.tolist()
-        return first, second, third
+        return joint_vector(total)
 
     @property
     def _learning(self) -> bool:

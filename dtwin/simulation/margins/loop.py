@@ -22,7 +22,7 @@ from scipy.linalg import expm
 from dtwin.controller.motion import ARM, MotionController
 from dtwin.controller.ports import MEMORY
 from dtwin.controller.settings import ControlSettings
-from dtwin.parameters import PERIOD, ArmParameters, Triple
+from dtwin.parameters import PERIOD, ArmParameters, JointVector
 from dtwin.simulation.figures import Array
 from dtwin.twin.closed_loop import TickResponses
 from dtwin.twin.effects import NO_EFFECTS, Effects
@@ -152,7 +152,7 @@ def linear_loop(
     settings: ControlSettings,
     arm: ArmParameters,
     payload: float,
-    theta: Triple,
+    theta: JointVector,
     late: float = 0.0,
     effects: Effects = NO_EFFECTS,
 ) -> Loop:
@@ -173,7 +173,7 @@ def linear_loop(
 
 
 @lru_cache(maxsize=64)
-def linear_arm(arm: ArmParameters, payload: float, theta: Triple, effects: Effects = NO_EFFECTS) -> Plant:
+def linear_arm(arm: ArmParameters, payload: float, theta: JointVector, effects: Effects = NO_EFFECTS) -> Plant:
     """The arm near the pose theta (rad), with a box of mass payload (kg) in its gripper; it may have effects."""
     vector = vector_of(arm, effects)
 
@@ -190,7 +190,7 @@ def linear_arm(arm: ArmParameters, payload: float, theta: Triple, effects: Effec
 
 
 def linear_blocks(
-    controller: MotionController, settings: ControlSettings, theta: Triple, *, carries: bool
+    controller: MotionController, settings: ControlSettings, theta: JointVector, *, carries: bool
 ) -> StateSpace:
     """The function blocks near rest at theta (rad), from angles to volts; the states are the variables MEMORY.
 

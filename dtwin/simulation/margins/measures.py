@@ -18,8 +18,8 @@ from typing import Final
 import numpy as np
 from scipy.linalg import solve_discrete_lyapunov
 
-from dtwin.parameters import PERIOD, Triple
-from dtwin.simulation.figures import Array, triple
+from dtwin.parameters import PERIOD, JointVector, every_joint, joint_vector
+from dtwin.simulation.figures import Array
 from dtwin.simulation.margins.loop import ComplexArray, Loop
 
 LONGEST_DELAY: Final = 5.0
@@ -51,10 +51,10 @@ class Margins:
     spectral_radius: float
     disk: float
     delay: float
-    weaker: Triple
-    stronger: Triple
-    phase: Triple
-    sensitivity: Triple
+    weaker: JointVector
+    stronger: JointVector
+    phase: JointVector
+    sensitivity: JointVector
 
     @property
     def gain(self) -> float:
@@ -83,16 +83,16 @@ def margins(loop: Loop, longest_delay: float = LONGEST_DELAY) -> Margins:
         radius,
         disk_margin(sensitivity),
         delay_margin(loop, longest_delay),
-        triple(1.0 - low for low, _ in factors),
-        triple(high - 1.0 for _, high in factors),
-        triple(phase_margin(each) for each in single),
-        triple(np.abs(own).max(axis=0)),
+        joint_vector(1.0 - low for low, _ in factors),
+        joint_vector(high - 1.0 for _, high in factors),
+        joint_vector(phase_margin(each) for each in single),
+        joint_vector(np.abs(own).max(axis=0)),
     )
 
 
 def no_margins(radius: float) -> Margins:
     """The margins of a loop of which no more than the spectral radius is known or good."""
-    none = (0.0, 0.0, 0.0)
+    none = every_joint(0.0)
     return Margins(radius, 0.0, 0.0, none, none, none, (math.inf,) * 3)
 
 

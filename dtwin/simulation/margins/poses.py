@@ -7,8 +7,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from dtwin.parameters import Triple
-from dtwin.simulation.figures import triple
+from dtwin.parameters import JointVector, joint_vector
 from dtwin.simulation.places import angles_of
 from dtwin.task import DEFAULT_TASK, Task
 
@@ -22,7 +21,7 @@ class Pose(NamedTuple):
     """A pose of the arm: the name of a place, or the angles as text, and the angles in rad."""
 
     name: str
-    theta: Triple
+    theta: JointVector
 
 
 def places(task: Task = DEFAULT_TASK) -> list[Pose]:
@@ -34,5 +33,5 @@ def poses(count: int = POSES, task: Task = DEFAULT_TASK) -> list[Pose]:
     """The places, then poses with joint angles uniform over a turn, up to a number of poses in all."""
     near = places(task)
     drawn = np.random.default_rng(_SEED).uniform(-math.pi, math.pi, (max(0, count - len(near)), 3)).round(2)
-    sample = [Pose("({:.2f}, {:.2f}, {:.2f}) rad".format(*row), triple(row)) for row in drawn.tolist()]
+    sample = [Pose("({:.2f}, {:.2f}, {:.2f}) rad".format(*row), joint_vector(row)) for row in drawn.tolist()]
     return (near + sample)[:count]

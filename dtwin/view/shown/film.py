@@ -14,7 +14,7 @@ from dtwin.emulation.picture import DrawnBox, Studio
 from dtwin.errors import DtwinError, ParameterError, RecordingError
 from dtwin.files import replacing
 from dtwin.logs.log import Log
-from dtwin.parameters import ArmParameters, Triple
+from dtwin.parameters import ArmParameters, joint_vector
 from dtwin.signals import NO_COLOUR
 from dtwin.task import Task, task_of
 from dtwin.twin.kinematics import forward
@@ -115,7 +115,7 @@ class _Boxes:
         self._task = task
         self._waiting, self._grasps = waiting(log), grasps(log)
         theta = log.angles()
-        ends = [forward(_triple(theta[grasp.end]), arm) for grasp in self._grasps if grasp.end is not None]
+        ends = [forward(joint_vector(theta[grasp.end]), arm) for grasp in self._grasps if grasp.end is not None]
         released = np.array([(x, 0.0, z) for x, z, _ in ends]).reshape(-1, 3)
         self._placed = placements(self._grasps, released, task.places)
 
@@ -129,11 +129,11 @@ class _Boxes:
             for grasp in self._grasps
             if grasp.start <= tick and (grasp.end is None or tick < grasp.end)
         ]
-        lying = {
-            box.place or f"beside {number}": DrawnBox(task.rgb(box.colour), _triple(box.position))
-            for number, box in enumerate(self._placed)
-            if box.tick <= tick
-        }
+        lying = {}
+        for number, box in enumerate(self._placed):
+            if box.tick <= tick:
+                x, y, z = box.position.tolist()
+                lying[box.place or f"beside {number}"] = DrawnBox(task.rgb(box.colour), (x, y, z))
         return [*found, *lying.values()]
 
 
@@ -191,8 +191,3 @@ def encode_gif(path: Path, pictures: Iterator[Image.Image], settings: FilmSettin
     first = next(pictures).quantize(256)
     rest = (picture.quantize(palette=first, dither=Image.Dither.NONE) for picture in pictures)
     first.save(path, format="GIF", save_all=True, append_images=rest, duration=shown, loop=0)
-
-
-def _triple(values: NDArray[np.float64]) -> Triple:
-    first, second, third = values.tolist()
-    return (first, second, third)

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
+from pathlib import Path
 from typing import TypeVar
+
+from msgspec.structs import replace
 
 from dtwin.bus.messages import EVENTS, IDENTIFICATION
 from dtwin.bus.session import Bus
@@ -72,6 +75,37 @@ class Progress:
                 f"the model is in doubt, {state.doubts}: expected to be kept anyway, or rejected"
             )
         return model
+
+    def decide(
+        self,
+        decision: IdentificationDecision,
+        found: M | None,
+        keep: Callable[[M], tuple[Path, str]],
+        upload: Callable[[M, str], str],
+        time: float,
+    ) -> IdentificationState:
+        """Does what was decided about the model that was identified last.
+
+        Args:
+            decision: the decision.
+            found: the model, if anything was identified.
+            keep: keeps it; gives its file, and what became of it in words.
+            upload: gives it to the controller, for a reason in words; gives what became of that.
+            time: plant time, s.
+
+        Raises:
+            IdentificationError: as of `decidable`.
+            DtwinError: it cannot be kept.
+        """
+        model = self.decidable(decision, found)
+        if not decision.accept:
+            self.enter(replace(self.state, phase="rejected", text="the model was not kept"), time)
+            return self.state
+        path, text = keep(model)
+        if decision.upload:
+            text = f"{text}, {upload(model, text)}"
+        self.enter(replace(self.state, phase="accepted", text=text[:1000], model_file=str(path)), time)
+        return self.state
 
     def enter(self, state: IdentificationState, time: float) -> None:
         """Publishes another state.

@@ -7,7 +7,7 @@ import pytest
 from dtwin.emulation.contact.bodies import Bodies
 from dtwin.emulation.machine.sections import Contact
 from dtwin.emulation.plant import Plant
-from dtwin.parameters import PHYSICS_STEP, Triple
+from dtwin.parameters import PHYSICS_STEP, JointVector
 
 SHALLOW = -2e-4
 """Penetration up to which contacts hold next to no elastic energy, m."""
@@ -30,7 +30,7 @@ def energy(plant: Plant, scratch: mujoco.MjData) -> float:
     ],
 )
 def test_the_balance_of_energy_never_rises(
-    theta: Triple, boxes: list[tuple[float, float, float]], duration: float
+    theta: JointVector, boxes: list[tuple[float, float, float]], duration: float
 ) -> None:
     bodies = Bodies(Contact(enabled=True))
     plant = Plant(bodies=bodies)

@@ -8,10 +8,10 @@ from dtwin.emulation.machine.sections import Drive, Transmission
 from dtwin.parameters import PERIOD
 from tests.emulation.machine.bench import K, joint, machine, with_damping
 
-Quad = tuple[float, float, float, float]
+DriveVector = tuple[float, float, float, float]
 
 
-def command(volts: float) -> Quad:
+def command(volts: float) -> DriveVector:
     return 0.0, 0.0, volts, 0.0
 
 

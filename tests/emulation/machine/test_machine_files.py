@@ -14,7 +14,7 @@ from dtwin.emulation.machine.drawing import draw
 from dtwin.emulation.machine.files import FOLDER, load, machine_of, names, toml
 from dtwin.emulation.machine.sections import IDEAL, SECTIONS, Machine, Section, declared
 from dtwin.errors import DtwinError, ModelError, ParameterError
-from dtwin.parameters import Triple
+from dtwin.parameters import JointVector
 from dtwin.run.settings import CellSettings, described, metadata
 
 
@@ -26,7 +26,7 @@ def of_field(kind: Any, allowed: Any) -> st.SearchStrategy[Any]:
     number = st.floats(allowed.low, allowed.high)
     return (
         st.tuples(number, number, number)
-        if kind is Triple
+        if kind is JointVector
         else number
         if kind is float
         else st.integers(int(allowed.low), int(allowed.high))

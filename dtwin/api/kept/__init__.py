@@ -1,0 +1,1 @@
+"""What a cell keeps: the history of its settings, and its identified models."""

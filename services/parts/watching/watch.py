@@ -1,0 +1,153 @@
+"""A monitor at work in a service: it is asked, started and stopped over the bus, and what it notices is published."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from typing import TYPE_CHECKING, Final, Generic, NamedTuple, TypeVar
+
+from dtwin.bus.messages import ACKNOWLEDGE, EVENTS, MONITORING, WATCH, State
+from dtwin.bus.twin_messages import AcknowledgeRequest, MonitoringVerdict, WatchRequest, WatchState
+from dtwin.errors import CommunicationError, DtwinError, ParameterError
+from dtwin.services.parts.stopping.demands import Demands, Failure
+from dtwin.services.service import Service
+from dtwin.signals import Event, EventKind, of_monitor
+
+if TYPE_CHECKING:  # a service loads the monitor of its own arm alone
+    from dtwin.monitoring.chain.monitor import ArmMonitor
+    from dtwin.monitoring.monitor import Monitor
+
+log = logging.getLogger(__name__)
+
+PATIENCE: Final = 4.0
+"""Longest time that a query waits for the main thread, s."""
+
+
+M = TypeVar("M", "Monitor", "ArmMonitor")
+
+
+class Watch(Generic[M]):
+    """A monitor that can be begun anew, stopped, and asked, and whose failures may stop the arm.
+
+    Queries come on threads of the bus and wait for the main thread, whose the monitor is.
+
+    Args:
+        service: frame of the service.
+        made: makes a monitor that begins anew.
+        model: what it takes for the healthy arm, in words.
+        demands: passes failures on to the safe stop; None without it.
+        standing: names of the findings of a monitor that stand.
+        failures: all that a monitor has confirmed, oldest first; None for what calls for no stop.
+
+    Attributes:
+        monitor: the monitor.
+        running: whether it shall watch.
+    """
+
+    def __init__(
+        self,
+        service: Service,
+        made: Callable[[], M],
+        model: str,
+        demands: Demands | None,
+        *,
+        standing: Callable[[M], frozenset[str]],
+        failures: Callable[[M], Sequence[Failure | None]],
+    ) -> None:
+        self.running = True
+        self._inbox = service.inbox
+        self._made: Callable[[], M] = made
+        self._model = model
+        self._demands = demands
+        self._standing: Callable[[M], frozenset[str]] = standing
+        self._failures: Callable[[M], Sequence[Failure | None]] = failures
+        bus = service.bus
+        self._tell_event: Callable[[Event], None] = bus.publisher(EVENTS)
+        self._tell_verdict: Callable[[MonitoringVerdict], None] = bus.publisher(MONITORING)
+        self.begin_anew()
+        bus.answer(ACKNOWLEDGE, AcknowledgeRequest, self._ask, lambda: self._ask(None))
+        bus.answer(WATCH, WatchRequest, self._switch, lambda: WatchState(self.running, model))
+
+    def begin_anew(self) -> None:
+        """Begins with another monitor; demands of findings that nobody looks after any more end."""
+        self.monitor: M = self._made()
+        self._told = self._confirmed = 0
+        if self._demands is not None:
+            self._demands.stand(frozenset())
+
+    def state(self, done: int) -> State:
+        """How the service is that has watched so many ticks."""
+        if not self.running:
+            return "off"
+        return "running" if done else "waiting"
+
+    def deal_with(self, item: object, time: float) -> None:
+        """Does what somebody on the bus asks for, if an item of the inbox is that.
+
+        Args:
+            item: the item.
+            time: plant time, s.
+        """
+        if isinstance(item, _Asked):
+            self._answer(item)
+        elif isinstance(item, WatchRequest) and item.run != self.running:
+            self.running = item.run
+            self.begin_anew()
+            said = f"{item.who} {'started' if item.run else 'stopped'} the monitor"
+            log.warning("%s", said)
+            self._tell_event(Event(time, EventKind.OPERATOR, said))
+
+    def tell_verdict(self) -> None:
+        """Publishes what the monitor says of the arm."""
+        self._tell_verdict(self.monitor.verdict())
+
+    def tell_news(self) -> bool:
+        """Publishes what it has noticed since the last time, and asks for a stop if it may; whether there was any."""
+        monitor = self.monitor
+        news = monitor.events[self._told :]
+        self._told = len(monitor.events)
+        if not news:
+            return False
+        self.tell_verdict()
+        for event in of_monitor(news):
+            log.info("%.2f s: %s: %s", event.time, event.kind, event.text)
+            self._tell_event(event)
+        if self._demands is not None:
+            self._demands.stand(self._standing(monitor))
+            confirmed = self._failures(monitor)
+            for failure in confirmed[self._confirmed :]:
+                if failure is not None:
+                    self._demands.failed(failure)
+            self._confirmed = len(confirmed)
+        return True
+
+    def _ask(self, request: AcknowledgeRequest | None) -> MonitoringVerdict:
+        asked = _Asked(request, Future())
+        self._inbox.put(asked)
+        try:
+            return asked.verdict.result(PATIENCE)
+        except TimeoutError:
+            raise CommunicationError(f"the monitor did not answer within {PATIENCE:g} s") from None
+
+    def _answer(self, asked: _Asked) -> None:
+        try:
+            if not self.running:
+                raise ParameterError("the monitor is stopped: expected `dtwin monitor start` before")
+            if asked.request is not None:
+                self.monitor.acknowledge(asked.request.parameter)
+                self.tell_news()
+            asked.verdict.set_result(self.monitor.verdict())
+        except DtwinError as error:
+            asked.verdict.set_exception(error)
+
+    def _switch(self, request: WatchRequest) -> WatchState:
+        self._inbox.put(request)
+        return WatchState(request.run, self._model)
+
+
+class _Asked(NamedTuple):
+    """A query on its way to the main thread, and where the answer goes; without a request nothing shall change."""
+
+    request: AcknowledgeRequest | None
+    verdict: Future[MonitoringVerdict]
