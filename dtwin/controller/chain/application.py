@@ -11,7 +11,7 @@ an arm and its task are values of inputs.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, Final, Literal
@@ -93,6 +93,18 @@ class Control:
     def tuned(self, tuning: ArmTuning) -> Control:
         """The same with another tuning."""
         return replace(self, pole=tuning.pole, observer=tuning.observer, speed=tuning.speed)
+
+
+DOUBTED: Final = 12.0
+"""Count of disbelieved readings of a joint beyond which the arm is stopped."""
+
+
+def first_doubted(counts: Sequence[float]) -> int:
+    """Number of the first joint, from 1, that is doubted, from the outputs DOUBT of all joints; 0 for none.
+
+    Each output is the largest count of its joint and those before.
+    """
+    return next((k for k, count in enumerate(counts, 1) if count > DOUBTED), 0)
 
 
 def joint_name(number: int) -> str:
@@ -343,6 +355,7 @@ def inputs(arm: Arm, inertia: Array, control: Control, poses: Poses | None) -> d
         f"{STOP}.FOLLOWING_LIMIT": control.following,
         f"{STOP}.SPEED_LIMIT": fastest,
         f"{STOP}.RUNAWAY_LIMIT": fastest,
+        f"{STOP}.DOUBT_LIMIT": DOUBTED,
     }
     chain = aligned(arm)
     for k in range(len(arm)):

@@ -6,9 +6,10 @@ from math import ceil, erf, isfinite, log, sqrt
 from typing import Any, Final
 
 from dtwin.arm.chain import Arm
+from dtwin.controller.chain.joints import WIDE
 
 GATE: Final = 0.05
-"""Distance of a reading from where the last one led that is no motion, rad or m, beside what the drive can do."""
+"""Distance by which an encoder may read too much or too little from one sample to the next, rad or m; the arm works on."""
 _STEPS, _NOISES, _MOTION = 3.0, 10.0, 1e-3
 """What an encoder shows in any case: that many steps and standard deviations of its noise, and that motion, rad or m."""
 _HELD: Final = 4.0
@@ -17,8 +18,10 @@ _CARRIED: Final = 0.5
 """Torque that a gear carries at most for long, in parts of the largest one of its drive."""
 _LEAST: Final = 2.0
 """Acceleration that counts as held also where the data sheet has no dry friction, rad/s^2 or m/s^2."""
-_SHARE: Final = 0.3
-"""Torque from outside that pushes a joint against its drive, in parts of the largest one."""
+_SHARE: Final = 0.5
+"""Torque from outside that pushes a joint, in parts of the largest one of its drive."""
+_TURNED: Final = 0.2
+"""Acceleration against a growing command, in parts of what friction and a push together give, that is no push."""
 _LIVELY: Final = 0.6
 """Least noise in parts of the step with which an encoder shows it in every place."""
 _CHANCE: Final = 1e-12
@@ -40,12 +43,14 @@ def belief(arm: Arm, k: int, inertia: float) -> dict[str, Any]:
     sticks = max(_HELD * dry / inertia, _LEAST)
     seen = _NOISES * sqrt(6.0) * noise + 2.0 * step  # the variance of a second difference is six times that of a reading
     play = 0.0 if gear is None else gear.backlash + 2.0 * largest / gear.stiffness
+    pushed = sticks + _SHARE * largest / inertia
     return {
-        "GATE": GATE + period**2 * largest / inertia,
+        "GATE": GATE,
+        "KINK": period**2 * pushed + seen + play,
         "WIDTH": _MOTION + _STEPS * step + _NOISES * noise + play,
         "STICKS": sticks,
-        "AGAINST": sticks + _SHARE * largest / inertia + seen / period**2,
-        "TURN": max(2.0 * step, noise) if noise > 0.0 else 1e9,
+        "AGAINST": WIDE if arm.servos else _TURNED * pushed + seen / period**2,
+        "TURN": max(2.0 * step, noise) if noise > 0.0 else WIDE,
         "REPEATS": repeats(step, noise),
         "NEAR": _STEPS * step,
     }
