@@ -80,6 +80,11 @@ COMMANDS: Final[dict[str, Subcommand]] = {
         "ExperimentArmSorting",
         "let drawn machines of any arm sort boxes in hard circumstances; report",
     ),
+    "experiment arm-encoders": Subcommand(
+        "evidence.arm_encoders",
+        "ExperimentArmEncoders",
+        "let every encoder of any arm lie, with the function blocks alone; report",
+    ),
     "experiment arm-days": Subcommand(
         "evidence.monitoring.arm_days",
         "ExperimentArmDays",

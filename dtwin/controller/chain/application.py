@@ -11,7 +11,7 @@ an arm and its task are values of inputs.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, Final, Literal
@@ -21,6 +21,7 @@ import numpy as np
 from dtwin.arm.chain import Arm, Array, aligned
 from dtwin.arm.model import USUAL_OBSERVER, USUAL_POLE, ArmTuning
 from dtwin.arm.poses import Poses
+from dtwin.controller.chain.encoders import belief
 from dtwin.controller.chain.joints import WIDE, XYZ, drive, link, points, servo_gains
 from dtwin.controller.ports import BLOCKS
 from iec61499 import model
@@ -92,6 +93,18 @@ class Control:
     def tuned(self, tuning: ArmTuning) -> Control:
         """The same with another tuning."""
         return replace(self, pole=tuning.pole, observer=tuning.observer, speed=tuning.speed)
+
+
+DOUBTED: Final = 12.0
+"""Count of disbelieved readings of a joint beyond which the arm is stopped."""
+
+
+def first_doubted(counts: Sequence[float]) -> int:
+    """Number of the first joint, from 1, that is doubted, from the outputs DOUBT of all joints; 0 for none.
+
+    Each output is the largest count of its joint and those before.
+    """
+    return next((k for k, count in enumerate(counts, 1) if count > DOUBTED), 0)
 
 
 def joint_name(number: int) -> str:
@@ -222,6 +235,7 @@ def _events(names: list[str]) -> Iterator[model.Connection]:
         (f"{names[0]}.INWARDO", f"{SWITCH}.EI"),
         (f"{SWITCH}.EO0", f"{STOP}.CHECK"),
         (f"{SWITCH}.EO1", f"{STOP}.REQ"),
+        (f"{SWITCH}.EO1", f"{STOP}.CHECK"),
         (f"{STOP}.HALT", f"{SEQUENCE}.HALT"),
         (f"{VERDICT}.IND", f"{STOP}.VERDICT"),
         (f"{STOP}.ANSWER", f"{VERDICT}.RSP"),
@@ -248,6 +262,7 @@ def _data(names: list[str]) -> Iterator[model.Connection]:
         yield model.Connection(f"{before}.NEEDED", f"{name}.LONGEST")
         yield model.Connection(f"{before}.FOLLOWING", f"{name}.FOLLOWING_IN")
         yield model.Connection(f"{before}.FASTEST", f"{name}.FASTEST_IN")
+        yield model.Connection(f"{before}.DOUBT", f"{name}.DOUBT_IN")
     last, box = names[-1], len(names) + 1
     for source, destination in (
         (f"{ARM}.RD_{box}", f"{SEQUENCE}.BOX"),
@@ -260,6 +275,7 @@ def _data(names: list[str]) -> Iterator[model.Connection]:
         (f"{last}.FOLLOWING", f"{STOP}.FOLLOWING"),
         (f"{last}.FOLLOWING", f"{STOP}.AWAY"),
         (f"{last}.FASTEST", f"{STOP}.SPEED"),
+        (f"{last}.DOUBT", f"{STOP}.DOUBT"),
         (f"{VERDICT}.RD_1", f"{STOP}.STATE"),
         (f"{VERDICT}.RD_2", f"{STOP}.CONFIDENCE"),
         (f"{VERDICT}.RD_3", f"{STOP}.RELEASE"),
@@ -326,6 +342,7 @@ def inputs(arm: Arm, inertia: Array, control: Control, poses: Poses | None) -> d
     Raises:
         ModelError: something of the arm is not known; names it.
     """
+    fastest = 2.0 * max(joint.speed for joint in arm.joints)
     values: dict[str, Any] = {
         f"{SEQUENCE}.TS": arm.period,
         f"{SEQUENCE}.COUNT": 0 if poses is None else len(poses.positions),
@@ -336,12 +353,14 @@ def inputs(arm: Arm, inertia: Array, control: Control, poses: Poses | None) -> d
         f"{SEQUENCE}.PAYLOAD": 0.0 if poses is None else poses.payload,
         f"{SEQUENCE}.SPACING": 0.0 if poses is None else poses.spacing,
         f"{STOP}.FOLLOWING_LIMIT": control.following,
-        f"{STOP}.SPEED_LIMIT": 2.0 * max(joint.speed for joint in arm.joints),
+        f"{STOP}.SPEED_LIMIT": fastest,
+        f"{STOP}.RUNAWAY_LIMIT": fastest,
+        f"{STOP}.DOUBT_LIMIT": DOUBTED,
     }
     chain = aligned(arm)
     for k in range(len(arm)):
         own = {**points(poses, k), **link(chain, k), **drive(arm, k, float(inertia[k]))}
-        own |= {**_tuning(arm, k, float(inertia[k]), control), "TS": arm.period}
+        own |= {**belief(arm, k, float(inertia[k])), **_tuning(arm, k, float(inertia[k]), control), "TS": arm.period}
         if not k:
             own |= {f"A{x}": float(-g) for x, g in zip(XYZ, arm.gravity, strict=True)}
         values |= {f"{joint_name(k)}.{name}": value for name, value in own.items()}

@@ -11,7 +11,17 @@ import numpy as np
 
 from dtwin.arm.adjustment import Adjustment
 from dtwin.arm.chain import Array
-from dtwin.controller.chain.application import ARM, LIBRARY, SEQUENCE, STOP, TWIN, VERDICT, joint_name, network
+from dtwin.controller.chain.application import (
+    ARM,
+    LIBRARY,
+    SEQUENCE,
+    STOP,
+    TWIN,
+    VERDICT,
+    first_doubted,
+    joint_name,
+    network,
+)
 from dtwin.controller.runtime import Blocks, running
 from dtwin.signals import ARM_STATES, STOPS, ArmState, Stop
 from iec61499 import model
@@ -51,6 +61,7 @@ class ChainController:
             self.resource.reader(tuple(f"{name}.FEEDBACK.{what}" for what in ("Q_M", "QD_M", "U"))) for name in names
         ]
         self._sequence = self.resource.reader((f"{SEQUENCE}.INDEX", f"{SEQUENCE}.DONE"))
+        self._doubts = [self.resource.reader((f"{name}.OBSERVER.DOUBT",)) for name in names]
         self._stop = self.resource.reader((f"{STOP}.STOP", f"{STOP}.COUNT"))
 
     def start_anew(self, values: Mapping[str, Any]) -> None:
@@ -119,6 +130,11 @@ class ChainController:
     def pose(self) -> int:
         """Number of the pose to which the arm goes, from 0."""
         return int(self._sequence()[0])
+
+    @property
+    def doubted(self) -> int:
+        """Number of the first joint, from 1, whose readings are doubted for so long that the arm stops; 0 for none."""
+        return first_doubted([float(read()[0]) for read in self._doubts])
 
     @property
     def stop(self) -> int:

@@ -4,6 +4,7 @@ K2*=0.8@30          the constant of the drive of joint 2
 friction2*=2@30     all friction of joint 2
 load+=0.5@30        kg that hang on the tool
 bias2+=0.01@30      what the encoder of joint 2 reads too much, rad or m
+scale2*=0.9@30      the encoder of joint 2 reads the angle times that, with -1 the other way round
 freeze2@30-31       the encoder of joint 2 reads what it read last
 lock2@30            joint 2 does not move
 push2+=20@30-30.3   a torque or force on joint 2, N m or N
@@ -19,14 +20,14 @@ import numpy as np
 
 from dtwin.errors import FaultError, choices
 
-Kind = Literal["K", "friction", "load", "bias", "freeze", "lock", "push"]
+Kind = Literal["K", "friction", "load", "bias", "scale", "freeze", "lock", "push"]
 KINDS: Final[tuple[Kind, ...]] = get_args(Kind)
-_FACTORS: Final = ("K", "friction")
+_FACTORS: Final = ("K", "friction", "scale")
 _TEXT: Final = re.compile(
     r"(?P<kind>[A-Za-z]+)(?P<joint>\d*)(?:(?P<sign>[*+])=(?P<value>[^@]+))?@(?P<start>[0-9.e+]+)(?:-(?P<end>[0-9.e+]+))?\Z"
 )
 _FORM: Final = (
-    "K2*=0.8@30, friction2*=2@30, load+=0.5@30, bias2+=0.01@30, freeze2@30-31, lock2@30 or push2+=20@30-30.3"
+    "K2*=0.8@30, friction2*=2@30, load+=0.5@30, bias2+=0.01@30, scale2*=0.9@30, freeze2@30-31, lock2@30 or push2+=20@30-30.3"
 )
 
 
@@ -82,8 +83,8 @@ def parse_chain_fault(text: str, joints: int) -> ChainFault:
         start, end = float(found["start"]), float(found["end"] or np.inf)
     except ValueError:
         raise FaultError(f"fault {text!r}: expected numbers, as in {_FORM}") from None
-    if not np.isfinite(value) or (kind in _FACTORS and value < 0.0) or not end > start:
+    if not np.isfinite(value) or (kind in ("K", "friction") and value < 0.0) or not end > start:
         raise FaultError(
-            f"fault {text!r}: expected a finite value, factors of at least 0, and an end after the start"
+            f"fault {text!r}: expected a finite value, factors of at least 0 but for scale, and an end after the start"
         )
     return ChainFault(kind, joint, value, start, end)

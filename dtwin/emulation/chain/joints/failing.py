@@ -66,7 +66,7 @@ class Failing:
                 self.load += fault.value
             case "lock":
                 self.locked[fault.joint] = True
-            case "freeze":
+            case "freeze" | "scale":
                 pass  # It acts on what is read alone.
 
     def misread(self, q: Array, time: float) -> Array:
@@ -76,6 +76,8 @@ class Failing:
         for fault in self._faults:
             if fault.acts(time) and fault.kind == "bias":
                 q[fault.joint] += fault.value
+            if fault.acts(time) and fault.kind == "scale":
+                q[fault.joint] *= fault.value
         for fault in self._faults:
             if fault.acts(time) and fault.kind == "freeze" and before is not None:
                 q[fault.joint] = before[fault.joint]
