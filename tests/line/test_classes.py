@@ -165,6 +165,7 @@ def looked(mode: Mode, works: tuple[str, float] | None) -> tuple[list[str], list
         lambda station, settings, why: did.append("settings"),
         lambda station: {("red", 0.21), ("red", 0.1)},
         lambda station: works,
+        lambda station: 0,
         lambda decision: did.append(decision.what),
     )
     nodes = {"a2": node}

@@ -181,6 +181,7 @@ def looked(
         lambda station, settings, why: did.append(settings.text()),
         lambda station: {(place, 0.21) for place in needed},
         lambda station: None,
+        lambda station: 0,
         lambda decision: None,
     )
     guard = Guard({"a2": FakeNode(able)}, mode, hands)

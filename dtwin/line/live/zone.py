@@ -36,6 +36,7 @@ from dtwin.line.live.chain import ChainArmFollower
 from dtwin.line.live.heard import believed, check_plant_state, check_question, check_situation
 from dtwin.line.live.seen import told
 from dtwin.line.situation import Situation
+from dtwin.line.station import FREE
 from dtwin.line.twins.decisions import OPERATOR, REPAIRED, Decision, Mode
 from dtwin.line.twins.guard import Guard, Hands, StopState
 from dtwin.line.twins.node import BEFORE
@@ -81,7 +82,7 @@ class LiveZone:
         self._blocks: OneResource | None = None
         self._known: Situation | None = None
         self._recalling = Lock()
-        self._guard = Guard(nodes, mode, Hands(self._stop, self._settle, self._needed, self._works, self._note))
+        self._guard = Guard(nodes, mode, self._hands())
         self._decisions: deque[Decision] = deque(maxlen=TOLD)
         self._plant: PlantState | None = None
         self._seen_changed: set[str] = set()
@@ -199,6 +200,15 @@ class LiveZone:
         """The box that the arm of a station holds, or is offered, now."""
         readings = () if self._plant is None else self._plant.stations
         return next((each.load for each in readings if each.name == station), None)
+
+    def _box(self, station: str) -> int:
+        """Number of that box, 0 for none."""
+        readings = () if self._plant is None else self._plant.stations
+        found = (each.worked or each.waiting for each in readings if each.name == station and each.arm != FREE)
+        return next(found, 0)
+
+    def _hands(self) -> Hands:
+        return Hands(self._stop, self._settle, self._needed, self._works, self._box, self._note)
 
     def _demand(self, word: PlantWord) -> None:
         try:
