@@ -69,6 +69,11 @@ class StationState:
     last: str = ""
     ended: float = 0.0
 
+    @property
+    def box(self) -> int:
+        """Number of the box that the arm holds, or is offered; 0 for none."""
+        return 0 if self.report.arm == FREE else self.worked or self.waits
+
 
 @dataclass(frozen=True, slots=True)
 class LineEvent:
@@ -207,11 +212,9 @@ class Plant:
 
         None while it is free, and where nobody tells boxes apart by their masses.
         """
-        state = self.stations[name]
-        number = state.worked or state.waits
-        if state.report.arm == FREE or not number or not self.line.source.classes:
+        box = self.boxes.get(self.stations[name].box)
+        if box is None or not self.line.source.classes:
             return None
-        box = self.boxes[number]
         return self.line.operations[box.done].place, self.line.source.weighed(box.mass)
 
     def in_line(self) -> int:

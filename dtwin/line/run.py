@@ -102,6 +102,7 @@ class LineRun:
             lambda name, other, why: self.emulated[name].give("settings", text=settings_text(other)),
             lambda name: line.loads(self.work.assignment, name),
             self.plant.load,
+            lambda name: self.plant.stations[name].box,
             self._note,
         )
         self._guard = Guard(nodes, settings.twins, hands)

@@ -5,7 +5,7 @@ What goes in and out are values, so that a station may as well be a process of i
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, Literal, NamedTuple, Protocol
@@ -31,7 +31,6 @@ from dtwin.errors import ParameterError
 from dtwin.line.line import StationPlan
 from dtwin.line.system import task_of
 from dtwin.logs.collecting import RunLog
-from dtwin.logs.log import Log
 from dtwin.parameters import PERIOD, ArmParameters, joint_vector
 from dtwin.run.cell_file import CellFile, cell_of
 from dtwin.run.loop import run
@@ -222,20 +221,6 @@ class EmulatedStation:
         return Report(self._arm, stop, tuple(events))
 
 
-def replayed(plan: StationPlan, inputs: Iterable[Input], ticks: int) -> Log:
-    """The log of a station alone, to which the same is done at the same times.
-
-    Raises:
-        DtwinError: its cell cannot be.
-    """
-    station, done = EmulatedStation(plan), 0
-    for given in inputs:
-        if given.tick > done:
-            station.advance(given.tick - done)
-            done = given.tick
-        station.apply(given)
-    station.advance(ticks - done)
-    return station.log.freeze()
 
 
 def cell_settings(plan: StationPlan) -> CellSettings:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 from dtwin.emulation.faults import parse_fault
 from dtwin.errors import ParameterError
 from dtwin.line.chain.cell import arm_cell, believed_chain_settings, chain_settings, check_chain_station
 from dtwin.line.chain.station import ChainStation
 from dtwin.line.line import StationPlan
-from dtwin.line.station import EmulatedStation, Station, believed_settings
+from dtwin.line.station import EmulatedStation, Input, Station, believed_settings
 from dtwin.line.system import task_of
 from dtwin.recovery.strength import holding
 
@@ -21,6 +21,22 @@ def emulated(plan: StationPlan) -> Emulated:
     """A station with its arm. Raises DtwinError when its cell cannot be."""
     cell = arm_cell(plan)
     return EmulatedStation(plan) if cell is None else ChainStation(chain_settings(plan, cell))
+
+
+def replayed(plan: StationPlan, inputs: Iterable[Input], ticks: int) -> Emulated:
+    """A station alone after some ticks, to which the same was done at the same times as to one in a line.
+
+    Raises:
+        DtwinError: its cell cannot be.
+    """
+    station, done = emulated(plan), 0
+    for given in inputs:
+        if given.tick > done:
+            station.advance(given.tick - done)
+            done = given.tick
+        station.apply(given)
+    station.advance(ticks - done)
+    return station
 
 
 def rehearsal(plan: StationPlan) -> tuple[Station, tuple[str, ...], float]:

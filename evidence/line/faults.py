@@ -23,8 +23,8 @@ from evidence.line.expected import Known, expected
 from evidence.line.otherwise import USUAL, Otherwise
 from evidence.report import Report, page, table
 
-Causes = Literal["stopping", "slowing", "weakening"]
-CAUSES: Final[dict[Causes, tuple[str, ...]]] = {
+Causes = Literal["stopping", "slowing", "weakening", "any"]
+CAUSES: Final = {
     "stopping": ("K1*=0.1", "K2*=0.1", "K3*=0.1", "lock2", "cut1", "freeze3"),
     "slowing": (
         "K1*=0.75",
@@ -42,10 +42,12 @@ CAUSES: Final[dict[Causes, tuple[str, ...]]] = {
 }
 """Causes that stop an arm, ones with which it may work on, and ones with which it can hold lighter boxes alone, in
 the notation of faults without their times."""
+OTHER_CAUSES: Final = ("K1*=0.1", "K2*=0.1", "lock1", "lock2", "freeze1", "freeze2")
+"""Causes that stop an arm of any other kind."""
 EARLIEST: Final = 80.0
-"""Time before which no arm fails, s: the line has filled by then."""
+"""Time before which no arm fails, s: the line has filled by then. With any cause arms fail from the start on."""
 SPAN: Final = 60.0
-"""Time within which it does, s."""
+"""Time after EARLIEST within which it does, s."""
 SETTLING: Final = 60.0
 """Time after a fault after which throughput counts, s."""
 BEST: Final = 0.95
@@ -93,7 +95,7 @@ class LineOutcome:
 
     Attributes:
         trial: the trial.
-        rate: boxes an hour that left after SETTLING; from EARLIEST on without a fault.
+        rate: boxes an hour that left after SETTLING, and EARLIEST; from EARLIEST on without a fault.
         best: boxes an hour of the best assignment that the line could have had, by simulation of all from the
             running line on, as it was when its twins answered, or at the fault if they did not; 0 without a fault.
         predicted: boxes an hour that its twins predict of the assignment that it has at the end, from what they knew
@@ -124,7 +126,7 @@ class LineOutcome:
 
 
 def _since(trial: LineTrial) -> float:
-    return trial.begins + SETTLING if trial.station else EARLIEST
+    return max(trial.begins, EARLIEST) + SETTLING if trial.station else EARLIEST
 
 
 def trials(
@@ -147,18 +149,27 @@ def trials(
         seed: number of the random generator of the faults; boxes of each run have the next ones.
         twins: whether the twins act in runs of each fault.
         causes: what happens to arms.
-        whats: what is otherwise in the line, one after the other. The arms of its own cells fail alone.
+        whats: what is otherwise in the line, one after the other. The arms of its own cells fail alone, but with any
+            cause.
     """
     generator = np.random.default_rng(seed)
     others = [name for name, _ in whats[0].cells]
-    stations = [station.name for station in line_of(line).stations if station.name not in others]
+    stations = [each.name for each in line_of(line).stations if causes == "any" or each.name not in others]
     drawn = [LineTrial(line, seed + k, "", "", 0.0, duration, True, whats[k % len(whats)]) for k in range(healthy)]
     for k in range(faults):
-        station, cause = str(generator.choice(stations)), str(generator.choice(CAUSES[causes]))
-        begins = round(EARLIEST + SPAN * float(generator.random()), 2)
+        station, first = str(generator.choice(stations)), 0.0 if causes == "any" else EARLIEST
+        cause = str(generator.choice(_causes(causes, station in others)))
+        begins = round(first + (EARLIEST + SPAN - first) * float(generator.random()), 2)
         for act in twins:
             drawn.append(LineTrial(line, seed + k, station, cause, begins, duration, act, whats[k % len(whats)]))
     return drawn
+
+
+def _causes(causes: Causes, other: bool) -> tuple[str, ...]:
+    """What may happen to an arm of the usual kind, or of another one."""
+    if causes != "any":
+        return CAUSES[causes]
+    return OTHER_CAUSES if other else tuple(cause for each in CAUSES.values() for cause in each)
 
 
 def tried(trial: LineTrial) -> LineOutcome:
@@ -168,7 +179,8 @@ def tried(trial: LineTrial) -> LineOutcome:
     run = LineRun(line, LineSettings(trial.duration, "act" if trial.twins else "off", fault))
     since, known = _since(trial), Known(None, work_times(line), ())
 
-    then, able = run.situation, trial.fault if trial.fault not in CAUSES["stopping"] else ""
+    stopping = (*CAUSES["stopping"], *(OTHER_CAUSES if trial.station in dict(trial.what.cells) else ()))
+    then, able = run.situation, trial.fault if trial.fault not in stopping else ""
 
     def look() -> None:
         nonlocal then, able, known
@@ -321,15 +333,16 @@ class ExperimentLine(SeriesCommand[list[LineOutcome]]):
     duration: float = 600.0
     """Plant time of each run, s."""
     causes: Causes = "stopping"
-    """What happens to arms: stopping, after which they can do nothing, slowing, after which they may work on, or
-    weakening, after which they may work on with lighter boxes (--light)."""
+    """What happens to arms: stopping, after which they can do nothing, slowing, after which they may work on,
+    weakening, after which they may work on with lighter boxes (--light), or any of these, from the start on and also
+    to other arms."""
     every: float = 0.0
     """Time from one box that comes to the next, s; 0 for that of the line."""
     light: float = 0.0
     """Mass of every second box, which is told apart from the others, kg; 0 for boxes as the line has them."""
     other: tuple[str, ...] = ()
     """STATION=CELL: a station with the cell of a file (*.toml), such as a2=lines/cells/planar-2r.toml; repeatable.
-    Faults befall the others."""
+    Faults befall the others, but with --causes any."""
     machine: tuple[str, ...] = ()
     """Machines that the arms of these cells are, one after the other in the runs."""
     without: bool = False

@@ -11,9 +11,11 @@ from pathlib import Path
 
 from dtwin.controller.ports import BLOCKS
 from dtwin.controller.runtime import RuntimeOption, chosen
+from dtwin.line.control import OneResource
 from dtwin.line.file import DEFAULT_NAME, line_of
 from dtwin.line.fleet.fleet import Fleet
 from dtwin.line.floor import Floor
+from dtwin.line.followed import Followed
 from dtwin.line.live.plant import LivePlant
 from dtwin.line.live.seen import RECENT
 from dtwin.line.records.keeper import Keeper
@@ -48,7 +50,8 @@ class Options(RuntimeOption, Link):
         with chosen(self.runtime), Service(NAME, self) as service, ExitStack() as stack:
             blocks = None
             if self.served:
-                blocks = stack.enter_context(Served(line, Library([BLOCKS]).complete(system(line))))
+                served = stack.enter_context(Served(line, Library([BLOCKS]).complete(system(line))))
+                blocks = Followed(served, OneResource(line))
             fleet = Fleet(line, service.bus, time.time(), f"{time.time_ns():x}")
             stack.callback(fleet.close)
             floor = Floor(line, blocks=blocks, vehicle=fleet.make)

@@ -13,7 +13,8 @@ from dtwin.line.file import FOLDER, line_of, load
 from dtwin.line.line import BoxClass, Line
 from dtwin.line.plant import LineEvent, Plant, check_boxes
 from dtwin.line.run import LineRun, LineSettings
-from dtwin.line.station import FREE, EmulatedStation, Station, TimedStation, replayed
+from dtwin.line.station import FREE, EmulatedStation, Station, TimedStation
+from dtwin.line.stations import replayed
 from dtwin.line.twins import zone
 from dtwin.line.twins.ability import Capability
 from dtwin.line.twins.decisions import Mode
@@ -164,6 +165,7 @@ def looked(mode: Mode, works: tuple[str, float] | None) -> tuple[list[str], list
         lambda station, settings, why: did.append("settings"),
         lambda station: {("red", 0.21), ("red", 0.1)},
         lambda station: works,
+        lambda station: 0,
         lambda decision: did.append(decision.what),
     )
     nodes = {"a2": node}
@@ -215,8 +217,7 @@ def test_a_line_gives_a_weak_arm_its_light_boxes_and_brings_the_heavy_ones_elsew
     assert (run.plant.lost, run.plant.collisions) == (0, 0)
     ours = run.emulated["a2"]
     assert isinstance(ours, EmulatedStation)
-    alone = replayed(LINE.stations[1], ours.inputs, 12_500)
-    alone.write_parquet(tmp_path / "alone.parquet")
+    replayed(LINE.stations[1], ours.inputs, 12_500).write_log(tmp_path / "alone.parquet")
     ours.write_log(tmp_path / "ours.parquet")
     assert (tmp_path / "alone.parquet").read_bytes() == (tmp_path / "ours.parquet").read_bytes()
 

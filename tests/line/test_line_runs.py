@@ -23,16 +23,14 @@ from dtwin.line.records.kept import HISTORY, kept, prepare, read, write
 from dtwin.line.records.report import page, summary
 from dtwin.line.run import LineRun, LineSettings
 from dtwin.line.served import Served
-from dtwin.line.station import EmulatedStation, Input, TimedStation, WorkTimes, replayed
+from dtwin.line.station import EmulatedStation, Input, TimedStation, WorkTimes
 from dtwin.line.system import system
 from dtwin.line.twins.decisions import Decision
 from dtwin.line.twins.overall import changed
 from dtwin.line_file import LineFile
 from dtwin.parameters import ROOT
-from evidence.line.kills import at_ports
 from iec61499.deploy.system_file import system_text
-from iec61499.model import System
-from tests.support.ports import free_ports
+from tests.support.lockstep import own_ports
 from tests.support.waiting import connected
 
 LINE = line_of("default")
@@ -159,25 +157,6 @@ def test_a_zone_refuses_a_set_up_in_which_its_boxes_could_not_leave() -> None:
     assert control.set_up({"deburr": "a1", "mark": "a2", "test": "b2", "pack": "b2"})
 
 
-def test_the_log_of_an_arm_in_the_line_is_that_of_the_arm_alone() -> None:
-    plan = LINE.stations[0]
-    inside = EmulatedStation(plan)
-    inside.advance(800)
-    inside.give("bring", 0.2, "red")
-    for ticks in (10, 10, 30, 7, 300):
-        inside.advance(ticks)
-    inside.give("failed")
-    inside.advance(100)
-    inside.give("release")
-    inside.advance(100)
-    alone = replayed(plan, inside.inputs, 1357)
-    log = inside.log.freeze()
-    for name, column in log.columns.items():
-        np.testing.assert_array_equal(column, alone.columns[name])
-    assert (log.events, log.metadata) == (alone.events, alone.metadata)
-    assert {event.kind for event in log.events} >= {"arrived", "picked", "delivered"}
-
-
 def test_a_box_that_waits_can_be_taken_away() -> None:
     station = EmulatedStation(LINE.stations[0])
     station.give("bring", 0.2, "blue")
@@ -242,11 +221,6 @@ def test_work_moves_when_an_arm_fails_and_comes_back_when_it_is_repaired() -> No
     marked = [e.time for e in run.course.events if e.kind == "work" and e.who == other and e.text == "mark"]
     assert marked
     assert min(marked) > begins
-
-
-def own_ports(whole: System) -> System:
-    """A system whose SERVER blocks and device managements listen at free ports."""
-    return at_ports(whole, free_ports)
 
 
 @pytest.mark.thorough

@@ -31,6 +31,7 @@ from dtwin.line.live.plant import LivePlant
 from dtwin.line.records.kept import prepare, write
 from dtwin.line.run import LineRun, LineSettings
 from dtwin.line.station import FREE, HOLDING, EmulatedStation, settings_text
+from dtwin.line.stations import replayed
 from dtwin.line.twins.chain import ChainNodeTwin
 from dtwin.line.twins.nodes import node_of
 from dtwin.line.twins.rehearsal import rehearsed
@@ -90,13 +91,8 @@ def test_boxes_pass_a_line_with_two_kinds_of_arms_and_the_log_is_that_of_the_arm
     assert run.plant.left
     write(run, prepare(tmp_path / "kept").parent)
     ours = run.emulated["a2"]
-    alone = station_of(line)
-    done = 0
-    for given in ours.inputs:
-        alone.advance(given.tick - done)
-        alone.apply(given)
-        done = given.tick
-    alone.advance(13_000 - done)
+    plan = next(station for station in line.stations if station.name == "a2")
+    alone = replayed(plan, ours.inputs, 13_000)
     alone.write_log(tmp_path / "alone.parquet")
     assert (tmp_path / "alone.parquet").read_bytes() == (tmp_path / "kept" / "a2.parquet").read_bytes()
     assert pq.read_table(tmp_path / "alone.parquet").num_rows == 13_000

@@ -14,7 +14,8 @@ from dtwin.bus.line.plant import ArmSettings
 from dtwin.errors import DtwinError
 from dtwin.line.file import line_of
 from dtwin.line.run import LineRun, LineSettings
-from dtwin.line.station import FREE, HOLDING, EmulatedStation, Input, WorkTimes, replayed, settings_text
+from dtwin.line.station import FREE, HOLDING, EmulatedStation, Input, WorkTimes, settings_text
+from dtwin.line.stations import replayed
 from dtwin.line.twins import zone
 from dtwin.line.twins.ability import Capability
 from dtwin.line.twins.decisions import Mode
@@ -117,8 +118,7 @@ def test_the_blocks_get_what_the_twin_has_found_and_their_own_back_after_repair(
     assert run.work.assignment == LINE.assignment
     assert (run.plant.lost, run.plant.collisions) == (0, 0)
     assert isinstance(ours, EmulatedStation)
-    alone = replayed(PLAN, ours.inputs, 11_200)
-    alone.write_parquet(tmp_path / "alone.parquet")
+    replayed(PLAN, ours.inputs, 11_200).write_log(tmp_path / "alone.parquet")
     ours.write_log(tmp_path / "ours.parquet")
     assert (tmp_path / "alone.parquet").read_bytes() == (tmp_path / "ours.parquet").read_bytes()
     settled = next(given.tick for given in ours.inputs if given.kind == "settings")
@@ -181,6 +181,7 @@ def looked(
         lambda station, settings, why: did.append(settings.text()),
         lambda station: {(place, 0.21) for place in needed},
         lambda station: None,
+        lambda station: 0,
         lambda decision: None,
     )
     guard = Guard({"a2": FakeNode(able)}, mode, hands)

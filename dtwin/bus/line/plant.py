@@ -207,11 +207,13 @@ class FlowQuestion(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
         set_up: station of each operation in force, or of each of its operations.
         arrivals: boxes that come from the zone before: when, s from now on, and the number of their class of mass;
             null if there are always more.
+        ahead: time that is simulated, s.
     """
 
     operations: Operations
     set_up: SetUps
     arrivals: Passing | None = None
+    ahead: float = 400.0
 
 
 class FlowAnswer(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):

@@ -13,8 +13,9 @@ from rich.table import Column, Table
 from dtwin.controller.runtime import RuntimeOption, chosen
 from dtwin.errors import ParameterError
 from dtwin.files import RECORDING, ensure_writable, replacing
-from dtwin.line.control import Exchange
+from dtwin.line.control import Exchange, OneResource
 from dtwin.line.file import DEFAULT_NAME, line_of
+from dtwin.line.followed import Followed
 from dtwin.line.line import Line
 from dtwin.line.records.drawing import Drawing
 from dtwin.line.records.kept import Kept, kept, prepare, read, write
@@ -81,7 +82,7 @@ class LineRunCommand(RuntimeOption):
                 raise ParameterError("--served, --devices: expected one of them")
             line = line_of(self.line)
             with Served(line, system(line)) as blocks:
-                return self._carried_out(line, settings, blocks)
+                return self._carried_out(line, settings, Followed(blocks, OneResource(line)))
 
     def _carried_out(self, line: Line, settings: LineSettings, blocks: Exchange | None = None) -> int:
         written = Written(self.out, self.report, self.record)

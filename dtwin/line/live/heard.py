@@ -31,6 +31,7 @@ from dtwin.errors import ParameterError, choices
 from dtwin.line.chain.cell import believed_arm, check_joint_settings
 from dtwin.line.line import Line, StationPlan, ZonePlan
 from dtwin.line.station import HOLDING, OFFERED
+from dtwin.line.twins.zone import HOUR
 
 M = TypeVar("M", bound=msgspec.Struct)
 FOREIGN: Final = "foreign"
@@ -96,6 +97,8 @@ def check_question(line: Line, asked: FlowQuestion) -> None:
     for name, station in asked.set_up.items():
         _among(f"set_up.{name}", [station], line.able(jobs[name]))
     _check_passing("arrivals", line, asked.arrivals)
+    if not 0.0 < asked.ahead <= HOUR:
+        raise ParameterError(f"ahead: expected more than 0 and at most {HOUR:g} s, got {asked.ahead:g}")
 
 
 def check_answer(line: Line, zone: ZonePlan, asked: FlowQuestion, answer: FlowAnswer) -> None:

@@ -24,7 +24,7 @@ from dtwin.line.twins.ability import Capability
 from dtwin.line.twins.decisions import Absence, Decision, Mode
 from dtwin.line.twins.overall import Choice
 from dtwin.line.twins.reorganisation import Doors, Reorganisation
-from dtwin.line.twins.zone import Flow
+from dtwin.line.twins.zone import AHEAD, Flow
 from dtwin.line_file import LineFile
 from dtwin.simulation.proposals.book import Book
 
@@ -101,10 +101,12 @@ class DistantZone:
             return Capability("nothing", (), stopped.why or "the blocks have stopped the arm; why is not known yet")
         return Capability("all", self._places, "its twin does not answer")
 
-    def best(self, operations: tuple[str, ...], now: Assignment, arrivals: Passing | None = None) -> Flow | None:
+    def best(
+        self, operations: tuple[str, ...], now: Assignment, arrivals: Passing | None = None, ahead: float = AHEAD
+    ) -> Flow | None:
         """The way to do some operations that lets most boxes through; None if its stations cannot do them."""
         try:
-            answer = self._ask(FlowQuestion(operations, dict(now), arrivals))
+            answer = self._ask(FlowQuestion(operations, dict(now), arrivals, ahead))
         except CommunicationError as error:
             log.warning("zone %s stays as it is: %s", self._name, error)
             jobs = [job.name for job in self._line.jobs if job.operation in operations]

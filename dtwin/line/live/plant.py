@@ -19,6 +19,7 @@ from dtwin.line.chain.station import ChainStation
 from dtwin.line.control import OneResource
 from dtwin.line.fleet.fleet import Fleet
 from dtwin.line.floor import Floor
+from dtwin.line.followed import Followed
 from dtwin.line.line import Assignment, ZonePlan
 from dtwin.line.live.arms import ArmPublisher
 from dtwin.line.live.between import Between
@@ -158,10 +159,11 @@ class LivePlant:
     def _now(self) -> PlantSituation:
         """What it is now. Raises ParameterError: its blocks cannot tell their state."""
         blocks = self._floor.control.blocks
-        memory, now = blocks.memory() if isinstance(blocks, OneResource) else None, self._floor.situation
+        told = isinstance(blocks, OneResource | Followed)
+        memory, now = blocks.memory() if told else None, self._floor.situation
         if memory is None or now is None:
             raise ParameterError(
-                "now: expected blocks in this process, as machine code; others do not tell their state"
+                "now: expected blocks in this process as machine code, or elsewhere ones that answer as these do"
             )
         return PlantSituation(now.plant, now.set_ups, now.done_by, memory)
 

@@ -33,6 +33,7 @@ from dtwin.line.live.asked import Recollection, Requests
 from dtwin.line.live.chain import ChainArmFollower
 from dtwin.line.live.heard import believed, check_plant_state, check_question
 from dtwin.line.live.seen import told
+from dtwin.line.station import FREE
 from dtwin.line.twins.decisions import OPERATOR, REPAIRED, Decision, Mode
 from dtwin.line.twins.guard import Guard, Hands, StopState
 from dtwin.line.twins.node import BEFORE
@@ -76,7 +77,7 @@ class LiveZone:
         own = self._own = bus.beside(zone.name)
         recollection = Recollection(line, own)
         self._twin = ZoneTwin(line, number, nodes, lambda: recollection.at(self.time))
-        self._guard = Guard(nodes, mode, Hands(self._stop, self._settle, self._needed, self._works, self._note))
+        self._guard = Guard(nodes, mode, self._hands())
         self._decisions: deque[Decision] = deque(maxlen=TOLD)
         self._plant: PlantState | None = None
         self._requests = Requests(own)
@@ -183,13 +184,22 @@ class LiveZone:
         readings = () if self._plant is None else self._plant.stations
         return next((each.load for each in readings if each.name == station), None)
 
+    def _box(self, station: str) -> int:
+        """Number of that box, 0 for none."""
+        readings = () if self._plant is None else self._plant.stations
+        found = (each.worked or each.waiting for each in readings if each.name == station and each.arm != FREE)
+        return next(found, 0)
+
+    def _hands(self) -> Hands:
+        return Hands(self._stop, self._settle, self._needed, self._works, self._box, self._note)
+
     def _flow(self, asked: FlowQuestion) -> FlowAnswer:
         """Answers on a thread of its own: a simulation takes seconds, in which the arms are watched."""
         check_question(self._line, asked)
         share = {name: at for name, at in asked.set_up.items() if at in self._twin.stations}
         if not asked.operations:
             return FlowAnswer(share, self._twin.rate(share) if share else 0.0)
-        flow = self._twin.best(asked.operations, asked.set_up, asked.arrivals)
+        flow = self._twin.best(asked.operations, asked.set_up, asked.arrivals, asked.ahead)
         return FlowAnswer({}, 0.0) if flow is None else FlowAnswer(dict(flow.assignment), flow.rate, flow.left)
 
     def _note(self, decision: Decision) -> None:

@@ -106,6 +106,9 @@ class Forward:
 class _Ends:
     """The ends of what is simulated: boxes that come from zones that are not, and leave for them.
 
+    The zone before, which was simulated as if there were always room behind it, waits while the buffer is full, and
+    what comes after is later by as much.
+
     Args:
         line: the line.
         plant: its plant.
@@ -124,6 +127,7 @@ class _Ends:
         self._open = last == len(line.zones) - 1
         own = {job.operation for job in line.jobs if job.name in assignment}
         self._done = next((k for k, each in enumerate(line.operations) if each.name in own), len(line.operations))
+        self._late = 0.0
         self.left: list[tuple[float, int]] = []
 
     def look(self) -> None:
@@ -132,9 +136,13 @@ class _Ends:
         time = round(plant.time - self._began, 9)
         if self._entry >= 0 and self._arrivals is None and not plant.buffers[self._entry]:
             plant.buffers[self._entry].append(plant.new_box(self._done))
-        while self._entry >= 0 and self._arrivals and self._arrivals[0][0] <= time:
+        while self._arrivals and self._arrivals[0][0] + self._late <= time:
+            if len(plant.buffers[self._entry]) >= self._line.buffers[self._entry].capacity:
+                break
+            came, kind = self._arrivals.popleft()
+            self._late = time - came
             number = plant.new_box(self._done)
-            plant.boxes[number].mass = self._line.classes[self._arrivals.popleft()[1]].heaviest
+            plant.boxes[number].mass = self._line.classes[kind].heaviest
             plant.buffers[self._entry].append(number)
         gone = [number for number, _ in plant.left] if self._open else list(plant.buffers[self._exit])
         self.left += [(time, self._line.source.kind(plant.boxes[number].mass)) for number in gone]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 from dtwin.bus.line.plant import Settings
 from dtwin.line.line import Load
@@ -12,6 +12,7 @@ from dtwin.line.station import FREE
 from dtwin.line.twins.ability import Capability
 from dtwin.line.twins.decisions import Decision, Mode, Note
 from dtwin.line.twins.node import Node
+from dtwin.line.twins.rehearsal import longest
 
 StopState = Literal["failed", "angles unknown"]
 """What the blocks of a station are told of an arm that is to be stopped."""
@@ -19,6 +20,10 @@ StopArm = Callable[[str, StopState, str], None]
 """Has the blocks of a station stop its arm: called with the station, the state of the arm, and why."""
 SetArm = Callable[[str, Settings, str], None]
 """Has the blocks of a station work with other settings: called with the station, the settings, and why."""
+OVERDUE: Final = 45.0
+"""Least time for a box after which an arm is stopped, s: its twin has asked its monitor why it is late by then."""
+PATIENCE: Final = 3.0
+"""Least such time, as a multiple of the longest that the arm takes for a box."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +35,7 @@ class Hands:
         settle: has the blocks of a station work with other settings.
         needed: tells what a station brings to which places of its cell now.
         works: tells the box that its arm holds, or is offered, now; None for none, or a usual one.
+        box: tells the number of that box; 0 for none.
         note: keeps what is decided.
     """
 
@@ -37,6 +43,7 @@ class Hands:
     settle: SetArm
     needed: Callable[[str], Collection[Load]]
     works: Callable[[str], Load | None]
+    box: Callable[[str], int]
     note: Note
 
 
@@ -57,6 +64,7 @@ class Guard:
         self.stopped: set[str] = set()
         self._proposed: set[str] = set()
         self._waiting: set[str] = set()
+        self._begun: dict[str, tuple[int, float]] = {}
 
     def capability(self, station: str) -> Capability:
         """What the arm of a station can still do, as its twin says."""
@@ -114,12 +122,31 @@ class Guard:
         if node.doubt and station not in self.stopped:
             reasons.append(f"{station} can do nothing")
             self._stop(station, "failed", node.doubt, time)
+        overdue = self._overdue(station, stop, time)
+        if overdue and station not in self.stopped:
+            reasons.append(f"{station} can do nothing")
+            self._stop(station, "failed", overdue, time)
         if stop and station not in self.stopped:
             self.stopped.add(station)
             node.stopped("the blocks have stopped the arm; what is wrong is not known yet")
             self._note(Decision(time, f"blocks of {station}", "stop", "the arm left its path", station))
             reasons.append(f"{station} can do nothing")
         return reasons
+
+    def _overdue(self, station: str, stop: int, time: float) -> str:
+        """Why an arm counts as one that never finishes the box that it has or is offered, "" if it does not.
+
+        It may have stood still before anybody could learn it, or fail in a way that no monitor knows.
+        """
+        box = self._hands.box(station)
+        begun, since = self._begun.get(station, (0, time))
+        if stop or not box or box != begun:
+            self._begun[station] = box, time
+        elif time - since > OVERDUE:
+            times = self._nodes[station].times
+            if time - since > PATIENCE * longest(times, tuple(times.carry)):
+                return f"it has had box {box} for {time - since:.0f} s without finishing it, and why is not known"
+        return ""
 
     def _too_heavy(self, station: str) -> Load | None:
         """What an arm holds, or is offered, now and cannot hold where it shall bring it."""

@@ -11,7 +11,7 @@ from dtwin.bus.line.plant import Passing
 from dtwin.line.line import Assignment, Line
 from dtwin.line.station import WorkTimes
 from dtwin.line.twins.ability import Capability
-from dtwin.line.twins.zone import HORIZON, Flow, simulated
+from dtwin.line.twins.zone import AHEAD, HORIZON, NEAR, Flow, simulated
 
 
 class Zone(Protocol):
@@ -28,10 +28,13 @@ class Zone(Protocol):
     def capability(self, station: str) -> Capability:
         """What the arm of a station can still do."""
 
-    def best(self, operations: tuple[str, ...], now: Assignment, arrivals: Passing | None = None) -> Flow | None:
+    def best(
+        self, operations: tuple[str, ...], now: Assignment, arrivals: Passing | None = None, ahead: float = AHEAD
+    ) -> Flow | None:
         """The way to do some operations that lets most boxes through; None if its stations cannot do them.
 
-        Arrivals are boxes that come from the zone before; None if there are always more.
+        Arrivals are boxes that come from the zone before, None if there are always more; ahead is the time for which
+        that is found out, s.
         """
 
     def rate(self, assignment: Assignment) -> float:
@@ -53,6 +56,27 @@ class Choice:
     why: str
 
 
+Shares = Sequence[tuple[str, ...]]
+"""The operations of each zone."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Way:
+    """What comes of one way to share the operations out among the zones.
+
+    Attributes:
+        shares: the operations of each zone.
+        assignment: the station of every job.
+        rate: boxes an hour.
+        slowest: name of the slowest zone.
+    """
+
+    shares: Shares
+    assignment: Assignment
+    rate: float
+    slowest: str
+
+
 class OverallTwin:
     """The twin of the line.
 
@@ -64,7 +88,7 @@ class OverallTwin:
     def __init__(self, line: Line, zones: Sequence[Zone]) -> None:
         self._line, self._zones = line, zones
 
-    def choose(self, now: Assignment, refused: Sequence[Assignment] = ()) -> Choice | None:
+    def choose(self, now: Assignment, refused: Sequence[Assignment] = (), ahead: float = AHEAD) -> Choice | None:
         """The best way to share the operations out among the zones; None if they cannot all be done.
 
         Boxes pass the zones in their order, so each zone does some operations in a row. What a zone makes of its own
@@ -73,25 +97,37 @@ class OverallTwin:
         Args:
             now: which station does what now.
             refused: what the zones have refused.
+            ahead: time that is simulated, s; beyond AHEAD of those ways alone that are NEAR the best until then.
         """
-        found: list[tuple[Assignment, float, str]] = []
-        for shares in _shares([operation.name for operation in self._line.operations], len(self._zones)):
-            flows = self._flows(shares, now)
+        shares = _shares([operation.name for operation in self._line.operations], len(self._zones))
+        found = first = self._ways(shares, now, refused, AHEAD)
+        if first and ahead > AHEAD:
+            near = NEAR * max(way.rate for way in first)
+            found = self._ways([way.shares for way in first if way.rate >= near], now, refused, ahead)
+        if not found:
+            return None
+        most = max(way.rate for way in found)
+        good = [way for way in found if way.rate >= 0.995 * most]
+        best = min(good, key=lambda way: (changed(now, way.assignment), -way.rate, sorted(way.assignment.items())))
+        why = f"{best.rate:.1f} boxes/h of {len(first)} possible ways, the slowest zone is {best.slowest}"
+        return Choice(dict(best.assignment), best.rate, why)
+
+    def _ways(
+        self, shares: Sequence[Shares], now: Assignment, refused: Sequence[Assignment], ahead: float
+    ) -> list[_Way]:
+        """What comes of ways to share the operations out, as far as they are possible and were not refused."""
+        found = []
+        for each in shares:
+            flows = self._flows(each, now, ahead)
             if flows is None:
                 continue
             whole = {name: station for flow in flows.values() for name, station in flow.assignment.items()}
-            rate, slow = min((flow.rate, name) for name, flow in flows.items())
+            rate, slowest = min((flow.rate, name) for name, flow in flows.items())
             if whole not in refused:
-                found.append((whole, min(3600.0 / self._line.source.every, rate), slow))
-        if not found:
-            return None
-        most = max(rate for _, rate, _ in found)
-        good = [each for each in found if each[1] >= 0.995 * most]
-        assignment, rate, slow = min(good, key=lambda it: (changed(now, it[0]), -it[1], sorted(it[0].items())))
-        why = f"{rate:.1f} boxes/h of {len(found)} possible ways, the slowest zone is {slow}"
-        return Choice(dict(assignment), rate, why)
+                found.append(_Way(each, whole, min(3600.0 / self._line.source.every, rate), slowest))
+        return found
 
-    def _flows(self, shares: Sequence[tuple[str, ...]], now: Assignment) -> dict[str, Flow] | None:
+    def _flows(self, shares: Shares, now: Assignment, ahead: float) -> dict[str, Flow] | None:
         """The best that each zone with something to do makes of its share, with the boxes that the ones before let
         through; None if one cannot do it."""
         flows: dict[str, Flow] = {}
@@ -99,7 +135,7 @@ class OverallTwin:
         for zone, share in zip(self._zones, shares, strict=True):
             if not share:
                 continue
-            flow = zone.best(share, now, arrivals)
+            flow = zone.best(share, now, arrivals, ahead)
             if flow is None:
                 return None
             flows[zone.name], arrivals = flow, flow.left
@@ -116,9 +152,9 @@ def predicted(line: Line, times: Mapping[str, WorkTimes], assignment: Assignment
     return simulated(replace(line, assignment=dict(assignment)), times, horizon)
 
 
-def _shares(operations: Sequence[str], zones: int) -> list[tuple[tuple[str, ...], ...]]:
+def _shares(operations: Sequence[str], zones: int) -> list[Shares]:
     """All ways to cut a row of operations into one part for each zone, which may be empty."""
-    found = []
+    found: list[Shares] = []
     for cuts in itertools.combinations_with_replacement(range(len(operations) + 1), zones - 1):
         ends = [0, *cuts, len(operations)]
         found.append(tuple(tuple(operations[a:b]) for a, b in itertools.pairwise(ends)))

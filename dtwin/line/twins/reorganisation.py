@@ -7,12 +7,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 from dtwin.bus.line.messages import FlowEffect, ZoneFlow
 from dtwin.errors import ParameterError, UnansweredError, choices
 from dtwin.line.line import Assignment, Line
 from dtwin.line.twins.decisions import Decision, Mode, Note
 from dtwin.line.twins.overall import Choice, OverallTwin, Zone, changed
+from dtwin.line.twins.zone import AHEAD, HOUR
+
+_LATER: Final = 30.0
+"""Time from a change of the set-up to a second look at it, s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +56,7 @@ class Reorganisation:
         self._line, self._mode, self._zones, self._doors = line, mode, zones, doors
         self._overall = OverallTwin(line, zones)
         self._pending: tuple[Assignment, str, str] | None = None
+        self._again: tuple[float, str, str] | None = None
         self._impossible = ""
         self.assignment: Assignment = dict(line.assignment)
         self.version = 0
@@ -59,20 +65,27 @@ class Reorganisation:
         """Lets the twins find out beforehand what every way to share the work out brings, which takes a while."""
         self._overall.choose(self.assignment)
 
-    def reconsider(self, because: str, station: str, towards: Assignment | None = None) -> None:
+    def reconsider(self, because: str, station: str, towards: Assignment | None = None, ahead: float = AHEAD) -> None:
         """Shares the work out as is best now; what cannot be done yet is tried again with `retry`.
+
+        An arm that fails is answered at once, from a short simulation; a while later `retry` looks at that again, for
+        an hour ahead. Where a person decides there is time for that at once.
 
         Args:
             because: why.
             station: station that it is about.
             towards: from which as little as possible shall be changed; what is in force if not given.
+            ahead: time that is simulated, s.
         """
         if self._mode == "off":
             return
         now = self.assignment if towards is None else towards
-        self._pending = None
+        ahead = ahead if self._mode == "act" else HOUR
+        self._pending = self._again = None
         refused: list[Assignment] = []
-        while choice := self._back(towards, refused) or self._overall.choose(now, refused):
+        while choice := (back := self._back(towards, refused)) or self._overall.choose(now, refused, ahead):
+            if back is None and (ahead < HOUR or refused):
+                self._again = (self._doors.clock() + _LATER, because, station)
             if not changed(self.assignment, choice.assignment):
                 if not self._possible(self.assignment):  # nobody could tell anything better
                     self._pending = (now, because, station)
@@ -103,10 +116,13 @@ class Reorganisation:
         return Choice(dict(towards), rate, f"all arms are well again; {rate:.1f} boxes/h")
 
     def retry(self) -> None:
-        """Tries again what could not be done, if anything."""
+        """Tries again what could not be done, if anything, or takes the second look at what was done."""
         if self._pending is not None:
             now, because, station = self._pending
             self.reconsider(because, station, now)
+        elif self._again is not None and self._again[0] <= self._doors.clock():
+            _, because, station = self._again
+            self.reconsider(because, station, ahead=HOUR)
 
     def adopt(self, assignment: Assignment, version: int) -> None:
         """Takes note of a set-up that came into force without this twin."""

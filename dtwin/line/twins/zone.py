@@ -28,6 +28,10 @@ HORIZON: Final = 600.0
 """Time of a simulation that counts, s."""
 AHEAD: Final = 400.0
 """Time after a change of the set-up in which boxes that leave are counted, s."""
+HOUR: Final = 3600.0
+"""Such a time for a second look, which takes longer: vehicles charge some twenty minutes apart, s."""
+NEAR: Final = 0.9
+"""Share of the most boxes at a first look from which on a way gets a second one."""
 SETTLING: Final = 60.0
 """Time after a change of the set-up in which boxes are still where they were before it, s."""
 _AT_ONCE: Final = 1.0
@@ -41,7 +45,7 @@ class Flow:
     Attributes:
         assignment: the station of every operation.
         rate: boxes that leave in an hour, the one from now on where that is known.
-        left: boxes that leave within AHEAD from now on; None where that is not known.
+        left: boxes that leave from now on, as far as was simulated; None where that is not known.
     """
 
     assignment: dict[str, str]
@@ -120,7 +124,9 @@ class ZoneTwin:
             if job.operation in node.plan.operations and node.capability.holds(job.load)
         ]
 
-    def best(self, operations: tuple[str, ...], now: Assignment, arrivals: Passing | None = None) -> Flow | None:
+    def best(
+        self, operations: tuple[str, ...], now: Assignment, arrivals: Passing | None = None, ahead: float = AHEAD
+    ) -> Flow | None:
         """The way to do some operations that lets most boxes through; of equals the one with fewest changes.
 
         That is counted from what the line is now on, where that is known, else from an empty zone on.
@@ -128,7 +134,8 @@ class ZoneTwin:
         Args:
             operations: the operations.
             now: the station of each job now.
-            arrivals: boxes that come from the zone before within AHEAD; None if there are always more.
+            arrivals: boxes that come from the zone before; None if there are always more.
+            ahead: time that is simulated, s; beyond AHEAD of those ways alone that are NEAR the best until then.
 
         Returns:
             None if the stations cannot do them.
@@ -138,6 +145,10 @@ class ZoneTwin:
             return None
         found = [] if situation is None else [self._from(situation, each, arrivals) for each in ways]
         found = [flow for flow in found if flow.rate]
+        if situation is not None and found and ahead > AHEAD:
+            near = NEAR * max(flow.rate for flow in found)
+            again = [flow.assignment for flow in found if flow.rate >= near]
+            found = [self._from(situation, each, arrivals, ahead) for each in again]
         if not found:  # the blocks take none now: this is the best as soon as they do
             found = [Flow(each, self.rate(each)) for each in ways]
 
@@ -148,13 +159,13 @@ class ZoneTwin:
         good = [flow for flow in found if flow.rate >= 0.995 * most]
         return min(good, key=lambda flow: (changes(flow), -flow.rate, sorted(flow.assignment.items())))
 
-    def _from(self, now: Situation, assignment: Assignment, arrivals: Passing | None) -> Flow:
+    def _from(self, now: Situation, assignment: Assignment, arrivals: Passing | None, ahead: float = AHEAD) -> Flow:
         """What comes of an assignment from a situation on; nothing if the blocks refuse it."""
         stopped = [name for name, node in self._nodes.items() if node.capability.ability == "nothing"]
         change = Change(assignment, {name: node.times for name, node in self._nodes.items()}, stopped)
         with self._busy:
             self._forward = self._forward or Forward(self._line, self._devices)
-            left = self._forward.left_zone(self._number, now, change, AHEAD, arrivals)
+            left = self._forward.left_zone(self._number, now, change, ahead, arrivals)
         return Flow(dict(assignment), in_an_hour(left or ()), left)
 
     def rate(self, assignment: Assignment) -> float:
@@ -177,7 +188,7 @@ def in_an_hour(left: Passing) -> float:
     A way to share the work out that takes longer to come into force may be the better one for as long as it lasts.
 
     Args:
-        left: boxes that leave within AHEAD.
+        left: boxes that leave within a time of AHEAD at least.
     """
     settled = [time for time, _ in left if time > SETTLING]
     if len(settled) < 2:
