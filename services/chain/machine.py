@@ -47,6 +47,11 @@ class RunningArm:
         """Of boxes and noise."""
         return self._settings.seed
 
+    @property
+    def without_command(self) -> str:
+        """What becomes of the arm without a command, in words."""
+        return "is held where it is" if self._settings.arm.servos else "gets no torque"
+
     def read(self) -> JointSensors:
         """The sample of this tick."""
         return self._sample

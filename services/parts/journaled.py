@@ -76,6 +76,11 @@ class JournaledCell:
         """Of boxes and noise."""
         return self._settings.seed
 
+    @property
+    def without_command(self) -> str:
+        """What becomes of the arm without a command, in words."""
+        return "gets 0 V"
+
     def read(self) -> Sensors:
         """The sample of this tick."""
         return self.emulation.read()

@@ -239,7 +239,7 @@ class Paced(ABC, Generic[S, C]):
     def _make_safe(self) -> None:
         self._state = "safe"
         self._machine.stop()
-        self._announce(EventKind.SAFE, "no valid command in time: the arm gets 0 V")
+        self._announce(EventKind.SAFE, f"no valid command in time: the arm {self._machine.without_command}")
 
     def _tell_news(self) -> None:
         """Tells what happened to the journal."""
