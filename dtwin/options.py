@@ -7,16 +7,36 @@ import io
 import os
 import re
 import warnings
-from collections.abc import Callable, Sequence
-from dataclasses import fields
+from collections.abc import Callable, Container, Sequence
+from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import Any, Final, TypeVar, get_origin, get_type_hints
 
 import msgspec
 
-from dtwin.errors import DtwinError, choices
+from dtwin.errors import DtwinError, ParameterError, choices
 
 T = TypeVar("T")
+
+
+def refuse_others(options: Any, known: Container[str], unsaid: Container[str] = ()) -> None:
+    """Refuses options that have no meaning for another arm than the thesis's.
+
+    Args:
+        options: an instance of the dataclass of the options.
+        known: names of the fields that mean something for any arm.
+        unsaid: those of them that the message leaves out.
+
+    Raises:
+        ParameterError: an option was given that is not known.
+    """
+    said = [field.name for field in fields(options) if field.name in known and field.name not in unsaid]
+    for field in fields(options):
+        default = field.default_factory() if field.default_factory is not MISSING else field.default
+        if field.name not in known and getattr(options, field.name) != default:
+            expected = choices(f"--{name.replace('_', '-')}" for name in said)
+            name = field.name.replace("_", "-")
+            raise ParameterError(f"--{name}: has no meaning for another arm than the thesis's: expected {expected}")
 
 
 def parse_options(options: Callable[..., Any], prog: str, arguments: Sequence[str]) -> Any:
@@ -182,8 +202,8 @@ _WORDS: Final[Sequence[tuple[str, str | Callable[[re.Match[str]], str]]]] = (
     (r"^(STR|PATH|INT|FLOAT): ", ""),
     (
         r"^Unrecognized options: (--arm\b.*)$",
-        r"\1: this knows the arm of the thesis alone: expected `dtwin run`, `up`, `arm`, `fb make`, `margins`, "
-        "`optimise`, `identify`, `monitor`, `experiment arms` or `experiment arm-faults` with another arm",
+        r"\1: this knows the arm of the thesis alone: expected `dtwin run`, `up`, `arm`, `film`, `fb make`, `fmu`, "
+        "`identify`, `commission`, `monitor`, `simulate`, `margins`, `optimise`, or an experiment with arms",
     ),
     (r"^Unrecognized options: ", "unknown option or too many words: "),
 )

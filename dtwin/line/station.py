@@ -221,8 +221,6 @@ class EmulatedStation:
         return Report(self._arm, stop, tuple(events))
 
 
-
-
 def cell_settings(plan: StationPlan) -> CellSettings:
     """The settings of the cell that a station is.
 

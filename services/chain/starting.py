@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import math
 import sys
-from dataclasses import MISSING, dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 from dtwin.errors import ParameterError
 from dtwin.monitoring.settings import LEAST_HEALTHY
+from dtwin.options import refuse_others
 from dtwin.parameters import ROOT
 from dtwin.services.parts.pace import Pace
 from dtwin.services.supervisor import Program
@@ -101,7 +102,7 @@ def other_arm(options: Any) -> OtherArm | None:
                 "--poses, --path, --sort, --late, --healthy: expected --arm with another arm than the thesis's"
             )
         return None
-    _refuse_others(options)
+    refuse_others(options, KNOWN, ("arm",))
     if options.controller != EMBEDDED and not options.controller.startswith("forte://"):
         raise ParameterError(
             f"--controller {options.controller}: expected {EMBEDDED} or forte://HOST:PORT for another arm than the "
@@ -205,13 +206,3 @@ def _has_arm(cell_file: str) -> bool:
     from dtwin.run.cell_file import content_of
 
     return isinstance(content_of(cell_file)[1].get("arm"), str)
-
-
-def _refuse_others(options: Any) -> None:
-    """Refuses what means something for the thesis's arm alone."""
-    for field in fields(options):
-        default = field.default_factory() if field.default_factory is not MISSING else field.default
-        if field.name not in KNOWN and getattr(options, field.name) != default:
-            known = ", ".join(f"--{name.replace('_', '-')}" for name in sorted(KNOWN - {"arm"}))
-            name = field.name.replace("_", "-")
-            raise ParameterError(f"--{name}: has no meaning for another arm than the thesis's: expected {known}")

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 from typing import Any, cast
 
 import msgspec
+import numpy as np
 import pytest
 
 import dtwin
@@ -182,3 +183,35 @@ class _Running(LiveCell):
     def subscribe(self, topic: object, message: object, receive: Callable[[Voltages], None]) -> SimpleNamespace:
         receive(Voltages(0, 0.0, (0.0, 0.0, 0.0, 0.0), self._holds))
         return SimpleNamespace(end=lambda: None)
+
+
+def test_another_arm_does_its_work_on_its_twin_with_every_candidate(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["simulate", "--arm", "planar-2r", "--duration", "6", "--pole", "10"]
+    assert main([*words, "--candidate", "payload=0.3", "--candidate", "speed=1.5, payload=0", "--json"]) == 0
+    base, loaded, quick = msgspec.json.decode(capsys.readouterr().out)["candidates"]
+    given = dtwin.simulate_arm("planar-2r", 6.0, pole=10.0, payload=0.3)
+    assert loaded["tracking_max"] == np.abs(given.error).max(axis=0).tolist()
+    assert max(base["tracking_max"]) < max(loaded["tracking_max"])
+    assert quick["reached"] > base["reached"] == loaded["reached"]
+    assert main(words) == 0
+    assert "shoulder, farthest from its path, mrad" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (
+            ["--arm", "planar-2r", "--candidate", "T=3"],
+            "--candidate 'T=3': expected a number for pole, observer, speed",
+        ),
+        (["--arm", "planar-2r", "--pole", "900"], "--pole: expected 1 to 60 rad/s, got 900"),
+        (["--arm", "planar-2r", "--goal", "blue"], "--goal: has no meaning for another arm than the thesis's"),
+        (["--arm", "servo-2r"], "expected a drive commanded in V, N m or A"),
+        (["--speed", "1.1"], "--speed: expected --arm with another arm, or --live where one is up"),
+    ],
+)
+def test_what_cannot_be_asked_of_another_arm_is_told(
+    words: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["simulate", *words]) == 2
+    assert message in capsys.readouterr().err

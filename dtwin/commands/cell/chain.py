@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from dataclasses import MISSING, fields, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -13,8 +13,8 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 from dtwin.commands.hints import viewer_command
-from dtwin.errors import ParameterError
 from dtwin.files import LOG, RECORDING, ensure_writable
+from dtwin.options import refuse_others
 from dtwin.run.arm_cell import ArmCell, arm_cell_of
 from dtwin.run.chain import ChainRun, run
 from dtwin.terminal import print_json, printable
@@ -40,20 +40,6 @@ KNOWN: Final = frozenset(
     }
 )
 """Options of `dtwin run` that mean something for any arm."""
-
-
-def refuse_others(options: Any) -> None:
-    """Refuses what means something for the thesis's arm alone.
-
-    Raises:
-        ParameterError: an option was given that has no meaning for another arm.
-    """
-    for field in fields(options):
-        default = field.default_factory() if field.default_factory is not MISSING else field.default
-        if field.name not in KNOWN and getattr(options, field.name) != default:
-            known = ", ".join(f"--{name.replace('_', '-')}" for name in sorted(KNOWN - {"arm"}))
-            name = field.name.replace("_", "-")
-            raise ParameterError(f"--{name}: has no meaning for another arm than the thesis's: expected {known}")
 
 
 def other_cell(options: Any) -> ArmCell | None:
@@ -87,7 +73,7 @@ def run_arm(cell: ArmCell, options: Any, interruption: Callable[[], AbstractCont
         options: those of `dtwin run`.
         interruption: turns Ctrl-C into an attribute `requested`.
     """
-    refuse_others(options)
+    refuse_others(options, KNOWN, ("arm",))
     for path, ending in ((options.log, LOG), (options.record, RECORDING)):
         if path is not None:
             ensure_writable(path, ending)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import MISSING, fields
 from typing import Any, Final
 
 from dtwin.api.arms import write_fmu_arm
 from dtwin.commands.cell.chain import THESIS
 from dtwin.commands.frame import arguments_as_options
-from dtwin.errors import ParameterError, choices
+from dtwin.errors import ParameterError
+from dtwin.options import refuse_others
 from dtwin.run.arm_cell import arm_cell_of
 
 _TASK: Final = ("poses", "path", "sort")
@@ -34,7 +34,7 @@ def write_arm(options: Any) -> bool:
             if getattr(options, name, None) is not None:
                 raise ParameterError(f"--{name}: expected --arm with another arm than the thesis's")
         return False
-    _refuse_others(options)
+    refuse_others(options, _KNOWN, ("arm", "file"))
     given: dict[str, Any] = {name: getattr(options, name, None) for name in ("machine", *_TASK)}
     with arguments_as_options(options):
         if options.arm != THESIS:
@@ -42,14 +42,3 @@ def write_arm(options: Any) -> bool:
         else:
             write_fmu_arm(options.file, subject=options.subject, fmi=options.fmi, cell_file=file, **given)
     return True
-
-
-def _refuse_others(options: Any) -> None:
-    known = [field.name for field in fields(options) if field.name in _KNOWN and field.name not in ("arm", "file")]
-    for field in fields(options):
-        default = field.default_factory() if field.default_factory is not MISSING else field.default
-        if field.name not in _KNOWN and getattr(options, field.name) != default:
-            said = choices(f"--{name.replace('_', '-')}" for name in known)
-            raise ParameterError(
-                f"--{field.name.replace('_', '-')}: has no meaning for another arm than the thesis's: expected {said}"
-            )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -18,6 +18,7 @@ from dtwin.commands.hints import warn
 from dtwin.commissioning.words import NINETY_FIVE, load, steps
 from dtwin.errors import ParameterError
 from dtwin.identification.machine.record import MachineRecord
+from dtwin.options import refuse_others
 from dtwin.terminal import as_text, print_json, print_table
 
 
@@ -107,12 +108,7 @@ class Commission:
         return 0 if found.record.grade == "identified" else 1
 
     def _of_other_arm(self, arm: str) -> int:
-        for field in fields(self):
-            if field.name not in ("log", "arm", "out", "json") and getattr(self, field.name) != field.default:
-                raise ParameterError(
-                    f"--{field.name.replace('_', '-')}: has no meaning for another arm than the thesis's: expected a "
-                    "log, which dtwin up --log writes of a running cell, --arm, --out and --json"
-                )
+        refuse_others(self, ("log", "arm", "out", "json"))
         if self.log is None:
             raise ParameterError("expected a log, which dtwin run --arm or dtwin up --arm writes with --log")
         from dtwin.commands.identification.commission_arm import print_commissioned  # only other arms need MuJoCo

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import MISSING, fields
 from typing import Any, Final
 
 import msgspec
 from rich.table import Table
 
 from dtwin.commands.frame import progress_bar
-from dtwin.errors import ParameterError, choices
+from dtwin.errors import ParameterError
+from dtwin.options import refuse_others
 from dtwin.run.arm_cell import ArmCell, arm_cell_of
 from dtwin.run.chain import ChainSettings
 from dtwin.simulation.chain.optimise import ArmLimits, ArmObjective, ArmOptimum, optimise_arm
@@ -47,7 +47,7 @@ def search_arm(cell: ArmCell, options: Any, weights: Mapping[str, float]) -> int
     Raises:
         DtwinError: an option has no meaning for this arm or is out of range, or a file cannot be used.
     """
-    _refuse_others(options)
+    refuse_others(options, _KNOWN, ("arm",))
     objective = _objective(cell.settings(_DURATION), options, weights)
     with progress_bar("searching") as progress:
         found = optimise_arm(
@@ -77,15 +77,6 @@ def _objective(settings: ChainSettings, options: Any, weights: Mapping[str, floa
     machines = tuple(range(options.seed + 1, options.seed + 1 + options.arms))
     limits = ArmLimits(saturated=options.saturated, tracking=options.tracking)
     return ArmObjective(settings, dict(weights), limits, machines, loads)
-
-
-def _refuse_others(options: Any) -> None:
-    for field in fields(options):
-        default = field.default_factory() if field.default_factory is not MISSING else field.default
-        if field.name not in _KNOWN and getattr(options, field.name) != default:
-            known = choices(f"--{name.replace('_', '-')}" for name in _KNOWN if name != "arm")
-            name = field.name.replace("_", "-")
-            raise ParameterError(f"--{name}: has no meaning for another arm than the thesis's: expected {known}")
 
 
 def _report(found: ArmOptimum) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import MISSING, fields
 from typing import Any, Final
 
 import msgspec
@@ -10,7 +9,7 @@ from rich.table import Table
 
 from dtwin.api.arm.live import connect_arm
 from dtwin.bus.chain.messages import JointPredicted
-from dtwin.errors import ParameterError, choices
+from dtwin.options import refuse_others
 from dtwin.services.runfile import find
 from dtwin.terminal import as_text, print_json, print_table, printable
 
@@ -33,12 +32,7 @@ def predict_arm(options: Any) -> int:
         ParameterError: an option has no meaning for this arm, or the twin refuses a value.
         CommunicationError: there is no simulation service, or nothing has been measured.
     """
-    for field in fields(options):
-        default = field.default_factory() if field.default_factory is not MISSING else field.default
-        if field.name not in _KNOWN and getattr(options, field.name) != default:
-            known = choices(f"--{name}" for name in _KNOWN)
-            name = field.name.replace("_", "-")
-            raise ParameterError(f"--{name}: has no meaning for another arm than the thesis's: expected {known}")
+    refuse_others(options, _KNOWN)
     with connect_arm(options.cell) as cell:
         found = cell.predict(
             pole=options.pole,

@@ -90,18 +90,32 @@ class Simulate(CompensationOptions, CellFileOption, RuntimeOption):
     """Draw the motions against their paths to this PNG file."""
     json: bool = False
     """Print one JSON object on standard output and nothing else."""
+    arm: str | None = None
+    """Another arm: a name of arms/, its file (*.toml), or a model. Its twin does its work from the first pose on, for
+    --duration (8 s); candidates are such as "pole=10 payload=0.3"."""
+    poses: Path | None = None
+    """TOML file of the poses that the arm of --arm takes; drawn by --seed if not given (docs/arms.md)."""
+    path: Path | None = None
+    """CSV file of a path that the arm of --arm follows (docs/arms.md)."""
+    sort: Path | None = None
+    """TOML file of a sorting task for the arm of --arm (docs/arms.md)."""
     pole: float | None = None
-    """With --live and another arm: triple pole of the errors of its joints, rad/s."""
+    """Of another arm: triple pole of the errors of its joints, rad/s."""
     observer: float | None = None
-    """With --live and another arm: double pole of its observers, rad/s."""
+    """Of another arm: double pole of its observers, rad/s."""
     speed: float | None = None
-    """With --live and another arm: speeds of its paths in parts of the data sheet's."""
+    """Of another arm: speeds of its paths in parts of the data sheet's."""
 
     def execute(self) -> int:
         if self.live and is_other(self.cell):
             return predict_arm(self)
-        if any(value is not None for value in (self.pole, self.observer, self.speed)):
-            raise ParameterError("--pole, --observer, --speed: expected --live and a running cell with another arm")
+        if self.arm is not None:
+            from dtwin.commands.simulation.simulate_arm import simulate_other  # only other arms need MuJoCo
+
+            return simulate_other(self)
+        for name in ("poses", "path", "sort", "pole", "observer", "speed"):
+            if getattr(self, name) is not None:
+                raise ParameterError(f"--{name}: expected --arm with another arm, or --live where one is up")
         if self.plot is not None:
             ensure_writable(self.plot, PICTURE)
         with arguments_as_options(self):

@@ -41,7 +41,9 @@ def belief(arm: Arm, k: int, inertia: float) -> dict[str, Any]:
     largest = joint.largest if isfinite(joint.largest) else 0.0
     dry = joint.friction.coulomb + joint.friction.load * _CARRIED * largest
     sticks = max(_HELD * dry / inertia, _LEAST)
-    seen = _NOISES * sqrt(6.0) * noise + 2.0 * step  # the variance of a second difference is six times that of a reading
+    seen = (
+        _NOISES * sqrt(6.0) * noise + 2.0 * step
+    )  # the variance of a second difference is six times that of a reading
     play = 0.0 if gear is None else gear.backlash + 2.0 * largest / gear.stiffness
     pushed = sticks + _SHARE * largest / inertia
     return {

@@ -94,7 +94,7 @@ class ArmSimulator:
         if done.problem != FINE:
             blocks.check(done.problem)
         t: Array = np.arange(len(done.q), dtype=np.float64) * period
-        reached = len(set(done.pose.tolist())) - 1 + blocks.done
+        reached = int(np.count_nonzero(np.diff(done.pose))) + blocks.done
         return ArmOutcome(t, done.q, done.target, done.command / self._drives.limit, blocks.stop, reached)
 
     def loops(self, change: ArmChange) -> tuple[JointMargins, ...]:
