@@ -49,11 +49,11 @@ from dtwin.controller.sequence import SEQUENCES, SequenceName
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import CommunicationError, DtwinError, ParameterError
 from dtwin.identification.machine.record import MachineRecord, read_record
-from dtwin.parameters import ArmParameters, Gains, JointVector
+from dtwin.parameters import ArmParameters
 from dtwin.run.options import CellFileOption
 from dtwin.services.parts.proposing.answers import Proposing
 from dtwin.services.parts.readiness.preparation import prepare
-from dtwin.services.parts.state_file import from_message
+from dtwin.services.parts.state_file import from_message, to_request
 from dtwin.services.service import Link, Service, main
 from dtwin.signals import Event, EventKind, Sensors
 from dtwin.simulation.checks import Checker
@@ -101,21 +101,9 @@ class BridgePort:
     def __init__(self, bus: Bus) -> None:
         self._bus = bus
 
-    def send_gains(self, gains: Gains, target_time: float) -> ControlSettings:
+    def put(self, group: tuple[str, ...], settings: ControlSettings) -> ControlSettings:
         """Raises CommunicationError when the device does not take them over."""
-        return self._ask(SettingsRequest(gains, target_time))
-
-    def send_model(self, model: ArmParameters) -> ControlSettings:
-        """Raises CommunicationError when the device does not take it over."""
-        return self._ask(SettingsRequest(model=model))
-
-    def write_payload(self, mass: float) -> ControlSettings:
-        """Raises CommunicationError when the device does not take it over."""
-        return self._ask(SettingsRequest(payload=mass))
-
-    def write_offsets(self, offsets: JointVector) -> ControlSettings:
-        """Raises CommunicationError when the device does not take them over."""
-        return self._ask(SettingsRequest(encoder_offset=offsets))
+        return self._ask(to_request(group, settings))
 
     def read_back(self) -> ControlSettings:
         """Raises CommunicationError when the device does not answer."""

@@ -16,9 +16,7 @@ from dtwin.controller.ports import (
     GAINS,
     LAST_SAMPLE,
     MODEL,
-    OFFSETS,
     PATH,
-    PAYLOAD,
     REQUEST,
     SIGNAL,
     STOPPED,
@@ -30,7 +28,7 @@ from dtwin.controller.ports import (
 from dtwin.controller.sequence import CALLS, HELP, SequenceSettings
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import CommunicationError
-from dtwin.parameters import JOINTS, ArmParameters, Gains, JointVector
+from dtwin.parameters import JOINTS, JointVector
 from dtwin.signals import ARM_STATES, STOPS, ArmState, Sensors, Stop, Voltages
 from iec61499.net.address import StreamAddress
 from iec61499.net.client import BlockingClient
@@ -210,42 +208,23 @@ class Settings:
             )
         return other
 
-    def set_tuning(self, gains: Gains, target_time: float) -> ControlSettings:
-        """Changes gains and target time (s) in one message between two ticks; returns what is in force then."""
-        return self._change(TUNING, ControlSettings(target_time, gains))
+    def put(self, group: tuple[str, ...], settings: ControlSettings) -> ControlSettings:
+        """Changes one of GROUPS to that of some settings; returns what is in force then.
 
-    def set_model(self, model: ArmParameters) -> ControlSettings:
-        """Changes the model in one message between two ticks; returns what is in force then.
-
-        The blocks begin the integrals of the feedback anew with a model, so that one that is in force is not sent.
+        Gains and target time, and a model, come in one message between two ticks; the blocks follow offsets of the
+        encoders by small steps. The blocks begin the integrals of the feedback anew with a model, so that one that is
+        in force is not sent.
         """
-        wanted, found = ControlSettings(model=model), self.in_force()
-        check_bounds(wanted)
-        return self._change(MODEL, wanted) if wanted.differing(found) & set(MODEL) else found
-
-    def set_payload(self, mass: float) -> ControlSettings:
-        """Changes the assumed mass of a box (kg); returns what is in force then."""
-        return self._write((PAYLOAD,), ControlSettings(payload=mass))
-
-    def set_offsets(self, offsets: JointVector) -> ControlSettings:
-        """Changes the known offsets of the encoders (rad), which the blocks follow by small steps; returns what is in
-        force then."""
-        return self._write(OFFSETS, ControlSettings(encoder_offset=offsets))
-
-    def _change(self, names: tuple[str, ...], wanted: ControlSettings) -> ControlSettings:
-        """Sends inputs in one message to the port that sets them together."""
-        check_bounds(wanted)
-        sent = wanted.inputs()
-        self._ports[names].exchange([sent[name] for name in names])
-        return self._await(names, wanted)
-
-    def _write(self, names: tuple[str, ...], wanted: ControlSettings) -> ControlSettings:
-        """Writes inputs one by one."""
-        check_bounds(wanted)
-        sent = wanted.inputs()
-        for name in names:
-            self._application.write(name, sent[name])
-        return self._await(names, wanted)
+        check_bounds(settings)
+        if group == MODEL and not settings.differing(found := self.in_force()) & set(MODEL):
+            return found
+        sent = settings.inputs()
+        if group in self._ports:
+            self._ports[group].exchange([sent[name] for name in group])
+        else:
+            for name in group:
+                self._application.write(name, sent[name])
+        return self._await(group, settings)
 
     def _await(self, names: tuple[str, ...], wanted: ControlSettings) -> ControlSettings:
         """Reads inputs back until they are in force: the blocks may act after they acknowledge."""

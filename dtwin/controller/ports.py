@@ -37,8 +37,11 @@ PAYLOAD: Final = "CONTROLLER.PAYLOAD_MASS"
 """Input with the mass of a box that the controller assumes, kg."""
 CONFIRM: Final = "DETECTOR.CONFIRM"
 """Input with the samples by which another arm is known, after the first one."""
+LOAD: Final = (PAYLOAD,)
 OFFSETS: Final = tuple(f"ENCODERS.OFFSET{joint}" for joint in _JOINTS)
 """Inputs with the known offsets of the encoders, rad."""
+GROUPS: Final = (TUNING, MODEL, LOAD, OFFSETS)
+"""The inputs that are changed together."""
 REPEATS: Final = tuple(f"OBSERVER.REPEATS{joint}" for joint in _JOINTS)
 """Inputs with the repetitions of a reading that the noise of an encoder makes impossible; 0 for none."""
 PATH: Final = tuple(f"PLANNER.THETA_D{joint}" for joint in _JOINTS)

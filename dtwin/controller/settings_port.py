@@ -10,25 +10,19 @@ from __future__ import annotations
 from typing import Protocol
 
 from dtwin.controller.embedded import EmbeddedController
-from dtwin.controller.ports import ARM_MODEL, GAINS, MODEL, OFFSETS, PAYLOAD, TUNING
+from dtwin.controller.ports import ARM_MODEL, GAINS, MODEL, TUNING
 from dtwin.controller.settings import ControlSettings
-from dtwin.parameters import ArmParameters, Gains, JointVector
 
 
 class SettingsPort(Protocol):
-    """A running controller whose settings can be changed and read back; each method returns those in force then."""
+    """A running controller whose settings can be changed and read back."""
 
-    def send_gains(self, gains: Gains, target_time: float) -> ControlSettings:
-        """Puts gains into force from the next tick, the target time (s) from the next motion."""
+    def put(self, group: tuple[str, ...], settings: ControlSettings) -> ControlSettings:
+        """Puts one of GROUPS of some settings into force; returns all that are in force then.
 
-    def send_model(self, model: ArmParameters) -> ControlSettings:
-        """Puts an arm model into force from the next tick."""
-
-    def write_payload(self, mass: float) -> ControlSettings:
-        """Puts an assumed mass of a box (kg) into force from the next tick."""
-
-    def write_offsets(self, offsets: JointVector) -> ControlSettings:
-        """Puts known offsets of the encoders (rad) into force; what is taken off follows them by small steps."""
+        The target time counts from the next motion, everything else from the next tick; what is taken off the
+        encoders follows their offsets by small steps.
+        """
 
     def read_back(self) -> ControlSettings:
         """The settings in the blocks of the controller."""
@@ -46,30 +40,17 @@ class EmbeddedPort:
 
     def __init__(self, controller: EmbeddedController) -> None:
         self._resource = controller.resource
-        self._gains = self._resource.server(GAINS.block)
-        self._model = self._resource.server(ARM_MODEL.block)
+        ports = {TUNING: GAINS, MODEL: ARM_MODEL}
+        self._together = {group: self._resource.server(port.block) for group, port in ports.items()}
 
-    def send_gains(self, gains: Gains, target_time: float) -> ControlSettings:
-        """Puts gains into force from the next tick, the target time (s) from the next motion."""
-        values = ControlSettings(target_time, gains).inputs()
-        self._gains.exchange([values[name] for name in TUNING])
-        return self.read_back()
-
-    def send_model(self, model: ArmParameters) -> ControlSettings:
-        """Puts an arm model into force from the next tick."""
-        values = ControlSettings(model=model).inputs()
-        self._model.exchange([values[name] for name in MODEL])
-        return self.read_back()
-
-    def write_payload(self, mass: float) -> ControlSettings:
-        """Puts an assumed mass of a box (kg) into force from the next tick."""
-        self._resource.write(PAYLOAD, mass)
-        return self.read_back()
-
-    def write_offsets(self, offsets: JointVector) -> ControlSettings:
-        """Puts known offsets of the encoders (rad) into force; what is taken off follows them by small steps."""
-        for name, offset in zip(OFFSETS, offsets, strict=True):
-            self._resource.write(name, offset)
+    def put(self, group: tuple[str, ...], settings: ControlSettings) -> ControlSettings:
+        """Puts one of GROUPS into force, as of `SettingsPort`."""
+        values = settings.inputs()
+        if group in self._together:
+            self._together[group].exchange([values[name] for name in group])
+        else:
+            for name in group:
+                self._resource.write(name, values[name])
         return self.read_back()
 
     def read_back(self) -> ControlSettings:

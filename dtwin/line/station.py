@@ -18,7 +18,7 @@ from dtwin.bus.line.plant import ArmSettings, Settings
 from dtwin.bus.line.situation import StationNow
 from dtwin.controller.bounds import check_bounds
 from dtwin.controller.embedded import EmbeddedController
-from dtwin.controller.ports import STOP, VERDICT
+from dtwin.controller.ports import MODEL, STOP, TUNING, VERDICT
 from dtwin.controller.sequence import SequenceSettings
 from dtwin.controller.settings import ControlSettings
 from dtwin.controller.settings_port import EmbeddedPort
@@ -202,8 +202,8 @@ class EmulatedStation:
         if settings is not None:
             new = replace(new, target_time=settings.target_time, model=settings.model)
             check_bounds(new)
-        self._port.send_gains(new.gains, new.target_time)
-        self._port.send_model(new.model)
+        self._port.put(TUNING, new)
+        self._port.put(MODEL, new)
         self.settings = settings
 
     def advance(self, ticks: int) -> Report:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Final, Literal
 
-from dtwin.controller.ports import MODEL, OFFSETS, PAYLOAD, TUNING
+from dtwin.controller.ports import LOAD, MODEL, OFFSETS, TUNING
 from dtwin.controller.settings import ControlSettings
 from dtwin.controller.settings_port import SettingsPort
 from dtwin.errors import CommunicationError, ParameterError
@@ -16,6 +16,8 @@ from dtwin.simulation.history import SELF, Action, Entry, History
 from dtwin.simulation.trial import Trial, TrialRules
 
 Kind = Literal["gains", "target", "model", "payload", "offset", ""]
+_GROUP_OF: Final = {"gains": TUNING, "target": TUNING, "model": MODEL, "payload": LOAD, "offset": OFFSETS}
+"""The inputs that are changed together, by the name of the command."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -287,14 +289,7 @@ class Uploader:
             )
 
     def _send(self, settings: ControlSettings, kind: Kind) -> None:
-        if kind == "model":
-            found = self._port.send_model(settings.model)
-        elif kind == "payload":
-            found = self._port.write_payload(settings.payload)
-        elif kind == "offset":
-            found = self._port.write_offsets(settings.encoder_offset)
-        else:
-            found = self._port.send_gains(settings.gains, settings.target_time)
+        found = self._port.put(_GROUP_OF[kind], settings)
         if settings.differing(found):
             raise CommunicationError(f"the controller has not taken the {kind} it was sent: its settings are others")
 
@@ -333,7 +328,7 @@ def _towards(wanted: ControlSettings, differing: set[str], who: str, why: str, b
         return Proposal(who, why, based_on, wanted.gains, wanted.target_time)
     if differing <= set(MODEL):
         return Proposal(who, why, based_on, model=wanted.model)
-    if differing <= {PAYLOAD}:
+    if differing <= set(LOAD):
         return Proposal(who, why, based_on, payload=wanted.payload)
     if differing <= set(OFFSETS):
         return Proposal(who, why, based_on, encoder_offset=wanted.encoder_offset)

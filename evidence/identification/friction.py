@@ -6,15 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Final
 
-from dtwin.campaign.spread import EVERY_CORE, Progress, Workforce
-from dtwin.commands.frame import at_least
 from dtwin.emulation.machine.files import machine_of
 from dtwin.emulation.machine.sections import IDEAL, Machine
 from dtwin.identification.estimation.friction import FRICTIONS, with_friction
 from dtwin.identification.excitation.plan import Plan
 from dtwin.identification.excitation.rig import Rig
 from dtwin.parameters import ArmParameters
-from evidence.identification.groups import Group, GroupsExperiment, run_groups
+from evidence.identification.groups import Group, GroupsExperiment
 from evidence.identification.pages import SETUP, identification_report
 from evidence.identification.standard import standard_settings
 from evidence.identification.trial import IdentificationTrial
@@ -26,24 +24,20 @@ COULOMB: Final = {"mu1": 0.010, "mu2": 0.008, "mu3": 0.006}
 """N m, of the rubbing arm"""
 
 
-def friction_experiment(
+def friction_trials(
     runs: int = 10,
     seed: int = 0,
     machine: Machine = IDEAL,
-    workforce: Workforce = EVERY_CORE,
-    progress: Progress = lambda done, of: None,
-) -> list[Group]:
-    """Identifies every friction law on the viscous arm, and on one with Coulomb friction as well.
+) -> list[IdentificationTrial]:
+    """Every friction law on the viscous arm, and on one with Coulomb friction as well.
 
     Args:
         runs: number of runs with each law on each arm.
         seed: number of the random generators of the noise.
         machine: the machine that the arm is.
-        workforce: who does the runs.
-        progress: told the numbers of runs done and in all.
     """
     arms = {"viscous": ArmParameters(), "rubbing": ArmParameters().with_values(COULOMB)}
-    trials = [
+    return [
         IdentificationTrial(
             f"{name} arm, {friction} law",
             Rig(arm, NOISE, machine=machine),
@@ -55,7 +49,6 @@ def friction_experiment(
         for friction in FRICTIONS
         for run in range(runs)
     ]
-    return run_groups(trials, workforce, progress)
 
 
 def friction_report(groups: Sequence[Group]) -> Report:
@@ -93,9 +86,8 @@ class ExperimentFriction(GroupsExperiment):
     runs: int = 10
     """Number of runs with each law on each arm."""
 
-    def measure(self, progress: Progress) -> list[Group]:
-        at_least("--runs", self.runs, 1)
-        return friction_experiment(self.runs, self.seed, machine_of(self.machine), self.workforce(), progress)
+    def trials(self) -> list[IdentificationTrial]:
+        return friction_trials(self.runs, self.seed, machine_of(self.machine))
 
     def groups_report(self, groups: list[Group]) -> Report:
         return friction_report(groups)

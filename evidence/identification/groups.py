@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from dtwin.campaign.spread import EVERY_CORE, Progress, Workforce, spread
+from dtwin.commands.frame import at_least
 from dtwin.identification.estimation.estimate import NINETY_FIVE
 from dtwin.identification.excitation.design import predict
 from evidence.experiment import OnMachine, SeriesCommand
@@ -92,9 +93,20 @@ def _group(label: str, members: Sequence[tuple[IdentificationTrial, Identificati
 class GroupsExperiment(SeriesCommand[list[Group]], OnMachine):
     """An experiment whose result are groups of trials."""
 
+    runs: int = 10
+    """Number of runs under each condition."""
+
+    @abstractmethod
+    def trials(self) -> list[IdentificationTrial]:
+        """What is run, on whatever machine."""
+
     @abstractmethod
     def groups_report(self, groups: list[Group]) -> Report:
         """The page of the experiment, on whatever machine."""
+
+    def measure(self, progress: Progress) -> list[Group]:
+        at_least("--runs", self.runs, 1)
+        return run_groups(self.trials(), self.workforce(), progress)
 
     def report(self, result: list[Group]) -> Report:
         return self.titled(self.groups_report(result))

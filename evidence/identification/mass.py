@@ -6,13 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Final
 
-from dtwin.campaign.spread import EVERY_CORE, Progress, Workforce
-from dtwin.commands.frame import at_least
 from dtwin.emulation.machine.files import machine_of
 from dtwin.emulation.machine.sections import IDEAL, Machine
 from dtwin.identification.excitation.plan import Plan
 from dtwin.identification.excitation.rig import Rig
-from evidence.identification.groups import Group, GroupsExperiment, run_groups
+from evidence.identification.groups import Group, GroupsExperiment
 from evidence.identification.pages import SETUP, identification_report
 from evidence.identification.standard import standard_settings
 from evidence.identification.trial import IdentificationTrial
@@ -24,24 +22,20 @@ NOISE: Final = 0.005
 """rad"""
 
 
-def mass_experiment(
+def mass_trials(
     runs: int = 10,
     seed: int = 0,
     machine: Machine = IDEAL,
-    workforce: Workforce = EVERY_CORE,
-    progress: Progress = lambda done, of: None,
-) -> list[Group]:
-    """Identifies with each mass.
+) -> list[IdentificationTrial]:
+    """Identifications with each mass.
 
     Args:
         runs: number of runs with each mass.
         seed: number of the random generators of the noise.
         machine: the machine that the arm is.
-        workforce: who does the runs.
-        progress: told the numbers of runs done and in all.
     """
     settings, plan = standard_settings(), Plan()
-    trials = [
+    return [
         IdentificationTrial(
             f"{1000 * (plan.payload + excess):.0f} g",
             Rig(noise=NOISE, excess_payload=excess, machine=machine),
@@ -52,7 +46,6 @@ def mass_experiment(
         for k, excess in enumerate(EXCESSES)
         for run in range(runs)
     ]
-    return run_groups(trials, workforce, progress)
 
 
 def mass_report(groups: Sequence[Group]) -> Report:
@@ -81,9 +74,8 @@ class ExperimentMass(GroupsExperiment):
     runs: int = 10
     """Number of runs with each mass."""
 
-    def measure(self, progress: Progress) -> list[Group]:
-        at_least("--runs", self.runs, 1)
-        return mass_experiment(self.runs, self.seed, machine_of(self.machine), self.workforce(), progress)
+    def trials(self) -> list[IdentificationTrial]:
+        return mass_trials(self.runs, self.seed, machine_of(self.machine))
 
     def groups_report(self, groups: list[Group]) -> Report:
         return mass_report(groups)

@@ -6,14 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Final, Literal
 
-from dtwin.campaign.spread import EVERY_CORE, Progress, Workforce
-from dtwin.commands.frame import at_least
 from dtwin.emulation.machine.files import machine_of
 from dtwin.emulation.machine.sections import IDEAL, Machine
 from dtwin.identification.estimation.estimate import Loss
 from dtwin.identification.excitation.plan import Plan
 from dtwin.identification.excitation.rig import Rig
-from evidence.identification.groups import Group, GroupsExperiment, run_groups
+from evidence.identification.groups import Group, GroupsExperiment
 from evidence.identification.pages import SETUP, identification_report
 from evidence.identification.standard import standard_settings
 from evidence.identification.trial import IdentificationTrial
@@ -23,16 +21,14 @@ NOISES: Final = (0.001, 0.005, 0.010, 0.025)
 """rad"""
 
 
-def noise_experiment(
+def noise_trials(
     runs: int = 20,
     levels: Sequence[float] = NOISES,
     loss: Loss = "adaptive",
     seed: int = 0,
     machine: Machine = IDEAL,
-    workforce: Workforce = EVERY_CORE,
-    progress: Progress = lambda done, of: None,
-) -> list[Group]:
-    """Identifies at each noise level, every run from two starts.
+) -> list[IdentificationTrial]:
+    """Identifications at each noise level, every run from two starts.
 
     Args:
         runs: number of runs at each level.
@@ -40,11 +36,9 @@ def noise_experiment(
         loss: the likelihood of the estimation.
         seed: number of the random generators of the noise.
         machine: the machine that the arm is.
-        workforce: who does the runs.
-        progress: told the numbers of runs done and in all.
     """
     settings, plan = standard_settings(loss), Plan()
-    trials = [
+    return [
         IdentificationTrial(
             f"N = {level:g} rad",
             Rig(noise=level, machine=machine),
@@ -56,7 +50,6 @@ def noise_experiment(
         for k, level in enumerate(levels)
         for run in range(runs)
     ]
-    return run_groups(trials, workforce, progress)
 
 
 def noise_report(groups: Sequence[Group]) -> Report:
@@ -87,16 +80,8 @@ class ExperimentNoise(GroupsExperiment):
     loss: Literal["adaptive", "gaussian"] = "adaptive"
     """Likelihood of the estimation: adapted to the shape of the noise, or least squares."""
 
-    def measure(self, progress: Progress) -> list[Group]:
-        at_least("--runs", self.runs, 1)
-        return noise_experiment(
-            self.runs,
-            loss=self.loss,
-            seed=self.seed,
-            machine=machine_of(self.machine),
-            workforce=self.workforce(),
-            progress=progress,
-        )
+    def trials(self) -> list[IdentificationTrial]:
+        return noise_trials(self.runs, NOISES, self.loss, self.seed, machine_of(self.machine))
 
     def groups_report(self, groups: list[Group]) -> Report:
         return noise_report(groups)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dtwin.controller.embedded import EmbeddedController
+from dtwin.controller.ports import MODEL
+from dtwin.controller.settings import ControlSettings
 from dtwin.controller.settings_port import EmbeddedPort
 from dtwin.logs.log import Log
 from dtwin.parameters import ArmParameters, JointVector
@@ -22,7 +24,7 @@ class _Relieved:
 
     def step(self, sensors: Sensors) -> Voltages:
         if self._model is not None and sensors.time >= self._time:
-            self._port.send_model(self._model)
+            self._port.put(MODEL, ControlSettings(model=self._model))
             self._model = None
         return self._controller.step(sensors)
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from dtwin.bus.codec import MessageError, Reader, encode
 from dtwin.bus.messages import SettingsInForce, SettingsRequest
 from dtwin.controller.device import Settings
+from dtwin.controller.ports import LOAD, MODEL, OFFSETS, TUNING
 from dtwin.controller.settings import Compensation, ControlSettings
 from dtwin.errors import ParameterError, RecordingError
 from dtwin.files import replacing
@@ -96,6 +97,16 @@ def from_message(message: SettingsInForce) -> ControlSettings:
     )
 
 
+def to_request(group: tuple[str, ...], settings: ControlSettings) -> SettingsRequest:
+    """The request that puts one of GROUPS of some settings into force."""
+    return {
+        TUNING: SettingsRequest(settings.gains, settings.target_time),
+        MODEL: SettingsRequest(model=settings.model),
+        LOAD: SettingsRequest(payload=settings.payload),
+        OFFSETS: SettingsRequest(encoder_offset=settings.encoder_offset),
+    }[group]
+
+
 def changed(settings: Settings, asked: SettingsRequest) -> ControlSettings:
     """What is in force after a change.
 
@@ -104,13 +115,13 @@ def changed(settings: Settings, asked: SettingsRequest) -> ControlSettings:
     """
     match asked:
         case SettingsRequest(Gains() as gains, float(target_time), None, None, None):
-            return settings.set_tuning(gains, target_time)
+            return settings.put(TUNING, ControlSettings(target_time, gains))
         case SettingsRequest(None, None, ArmParameters() as model, None, None):
-            return settings.set_model(model)
+            return settings.put(MODEL, ControlSettings(model=model))
         case SettingsRequest(None, None, None, float(payload), None):
-            return settings.set_payload(payload)
+            return settings.put(LOAD, ControlSettings(payload=payload))
         case SettingsRequest(None, None, None, None, tuple(offsets)):
-            return settings.set_offsets(offsets)
+            return settings.put(OFFSETS, ControlSettings(encoder_offset=offsets))
     raise ParameterError(
         "settings: expected gains and target time together, or a model, a payload or encoder offsets alone"
     )

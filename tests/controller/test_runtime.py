@@ -8,7 +8,7 @@ import pytest
 
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.motion import MotionController
-from dtwin.controller.ports import REQUEST, VERDICT
+from dtwin.controller.ports import LOAD, MODEL, OFFSETS, REQUEST, TUNING, VERDICT
 from dtwin.controller.runtime import VARIABLE, Runtime, chosen
 from dtwin.controller.settings import APPLICATION_LAW, ControlSettings, usual_gains
 from dtwin.controller.settings_port import EmbeddedPort
@@ -40,12 +40,12 @@ def disturbed(runtime: Runtime, duration: float) -> tuple[dict[str, Any], dict[s
     settings = CellSettings(duration=duration, seed=5, noise=0.002, faults=SETTINGS.faults, control=SETTINGS.control)
     cell = Cell(settings, controller)
     plan = {
-        2: lambda: port.send_gains(Gains((500.0,) * 3, (2000.0,) * 3, (40.0,) * 3), 1.5),
-        3: lambda: port.send_model(ArmParameters().with_values({"m1": 0.13})),
-        5: lambda: port.write_payload(0.21),
+        2: lambda: port.put(TUNING, ControlSettings(1.5, Gains((500.0,) * 3, (2000.0,) * 3, (40.0,) * 3))),
+        3: lambda: port.put(MODEL, ControlSettings(model=ArmParameters().with_values({"m1": 0.13}))),
+        5: lambda: port.put(LOAD, ControlSettings(payload=0.21)),
         6: lambda: verdicts.exchange((2, 0.999, False)),
         8: lambda: verdicts.exchange((0, 1.0, True)),
-        9: lambda: port.write_offsets((0.01, 0.0, -0.01)),
+        9: lambda: port.put(OFFSETS, ControlSettings(encoder_offset=(0.01, 0.0, -0.01))),
         10: lambda: controller.resource.port(REQUEST.block).deliver((True,)),
     }
 

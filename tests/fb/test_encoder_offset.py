@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dtwin.controller.embedded import EmbeddedController
+from dtwin.controller.ports import OFFSETS
 from dtwin.controller.settings import USUAL_GAINS, ControlSettings
 from dtwin.controller.settings_port import EmbeddedPort
 from dtwin.emulation.faults import parse_fault
@@ -69,7 +70,7 @@ class Later:
 
     def step(self, sensors: Sensors) -> Voltages:
         if math.isclose(sensors.time, self._time):
-            EmbeddedPort(self._controller).write_offsets(BIASED)
+            EmbeddedPort(self._controller).put(OFFSETS, ControlSettings(encoder_offset=BIASED))
         return self._controller.step(sensors)
 
 

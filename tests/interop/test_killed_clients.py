@@ -68,10 +68,7 @@ class LoopedDevice:
         return self._loop.settings.in_force()
 
     def set(self, names: tuple[str, ...], settings: ControlSettings) -> None:
-        if names == TUNING:
-            self._loop.settings.set_tuning(settings.gains, settings.target_time)
-        else:
-            self._loop.settings.set_model(settings.model)
+        self._loop.settings.put(names, settings)
         assert not settings.differing(self.settings())
 
     def kill_a_client(self, names: tuple[str, ...], message: bytes, end: str) -> None:

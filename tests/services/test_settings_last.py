@@ -27,10 +27,11 @@ from dtwin.bus.opening import open_peer
 from dtwin.bus.session import Bus
 from dtwin.bus.twin_messages import Upload, UploadRequest
 from dtwin.controller.device import Outcome
+from dtwin.controller.ports import LOAD, MODEL, OFFSETS, TUNING
 from dtwin.controller.sequence import AMONG_BODIES, CALLS, STRAIGHT, SequenceSettings
 from dtwin.controller.settings import ControlSettings, usual_gains
 from dtwin.errors import CommunicationError, RecordingError
-from dtwin.parameters import ArmParameters, Gains, JointVector
+from dtwin.parameters import JointVector
 from dtwin.services import bridge
 from dtwin.services.parts.answering import connection
 from dtwin.services.parts.state_file import StateFile
@@ -45,6 +46,10 @@ from tests.support.waiting import pause, until
 TUNED = ControlSettings(
     3.0, usual_gains("computed_torque", kp=(260.0, 500.0, 300.0)), payload=0.22, encoder_offset=(0.0, 0.01, -0.02)
 )
+
+
+FIELDS = {TUNING: ("gains", "target_time"), MODEL: ("model",), LOAD: ("payload",), OFFSETS: ("encoder_offset",)}
+"""what belongs to each group of inputs"""
 
 
 @dataclass
@@ -115,21 +120,10 @@ class Loop:
         device.sequence = sequence
         return other
 
-    def set_tuning(self, gains: Gains, target_time: float) -> ControlSettings:
-        return self._change(gains=gains, target_time=target_time)
-
-    def set_model(self, model: ArmParameters) -> ControlSettings:
-        return self._change(model=model)
-
-    def set_payload(self, mass: float) -> ControlSettings:
-        return self._change(payload=mass)
-
-    def set_offsets(self, offsets: JointVector) -> ControlSettings:
-        return self._change(encoder_offset=offsets)
-
-    def _change(self, **values: object) -> ControlSettings:
+    def put(self, group: tuple[str, ...], settings: ControlSettings) -> ControlSettings:
         device = self._alive()
-        device.settings = replace(device.settings, **values)  # type: ignore[arg-type]  # as its callers name them
+        values = {name: getattr(settings, name) for name in FIELDS[group]}
+        device.settings = replace(device.settings, **values)
         return device.settings
 
     def now(self) -> Stop:

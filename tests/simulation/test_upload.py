@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from dtwin.controller.embedded import EmbeddedController
+from dtwin.controller.ports import MODEL, TUNING
 from dtwin.controller.settings import ControlSettings, usual_gains
 from dtwin.controller.settings_port import EmbeddedPort
 from dtwin.errors import CommunicationError, ParameterError
@@ -73,8 +74,8 @@ def model(values: ArmParameters) -> Action:
 def test_sending_the_same_again_changes_no_voltage(tmp_path: Path, checker: Checker, desk: UploadingCell) -> None:
     undisturbed = Cell(CellSettings(duration=20.0, seed=1))
     undisturbed.run()
-    send_gains = lambda uploader, at: desk.port.send_gains(usual_gains("computed_torque"), 2.0)  # noqa: E731 - one line of a table
-    send_model = lambda uploader, at: desk.port.send_model(ArmParameters())  # noqa: E731 - one line of a table
+    send_gains = lambda uploader, at: desk.port.put(TUNING, ControlSettings())  # noqa: E731 - one line of a table
+    send_model = lambda uploader, at: desk.port.put(MODEL, ControlSettings())  # noqa: E731 - one line of a table
     log = desk.run(20.0, {float(k): send_gains if k % 2 else send_model for k in range(1, 20)})
     assert log.stack("volts").tobytes() == undisturbed.log.freeze().stack("volts").tobytes()
 
@@ -96,7 +97,7 @@ def test_an_upload_is_in_force_from_the_next_tick(desk: UploadingCell) -> None:
     desk.run(3.0, {2.0: gains(HIGHER)})
     assert desk.port.read_back().gains == HIGHER
     assert desk.uploader.settings.gains == HIGHER
-    desk.port.send_model(scaled(ArmParameters(), "D", 1.1))
+    desk.port.put(MODEL, ControlSettings(model=scaled(ArmParameters(), "D", 1.1)))
     assert desk.port.read_back().model == scaled(ArmParameters(), "D", 1.1)
     assert desk.port.read_back().gains == HIGHER
 
@@ -201,7 +202,7 @@ def test_a_trial_takes_the_offsets_off_what_is_measured(desk: UploadingCell) -> 
 
 
 def test_settings_that_others_have_changed_are_noticed(desk: UploadingCell) -> None:
-    desk.port.send_gains(HIGHER, 2.0)
+    desk.port.put(TUNING, ControlSettings(2.0, HIGHER))
     desk.uploader.look_again(4.0)
     assert desk.uploader.version == 2
     assert desk.uploader.settings.gains == HIGHER
@@ -209,13 +210,14 @@ def test_settings_that_others_have_changed_are_noticed(desk: UploadingCell) -> N
         desk.uploader.upload(Proposal("anna", "", 1, usual_gains("computed_torque")), 5.0)
     again = Uploader(desk.port, desk.history, desk.checker)
     assert again.version == 2
-    desk.port.send_gains(usual_gains("computed_torque"), 3.0)
+    desk.port.put(TUNING, ControlSettings(3.0, usual_gains("computed_torque")))
     assert Uploader(desk.port, desk.history, desk.checker).version == 3
 
 
 def test_a_controller_that_does_not_take_settings_over_is_an_error(desk: UploadingCell) -> None:
     class Deaf:
-        send_gains = send_model = write_payload = write_offsets = lambda self, *values: ControlSettings()
+        def put(self, group: tuple[str, ...], settings: ControlSettings) -> ControlSettings:
+            return ControlSettings()
 
         def read_back(self) -> ControlSettings:
             return ControlSettings()
@@ -232,13 +234,10 @@ def test_a_controller_that_does_not_take_settings_over_is_an_error(desk: Uploadi
 def test_an_upload_that_a_crash_cut_short_is_old_or_new(desk: UploadingCell, arrived: bool) -> None:
     class Dying:
         read_back = desk.port.read_back
-        send_model = desk.port.send_model
-        write_payload = desk.port.write_payload
-        write_offsets = desk.port.write_offsets
 
-        def send_gains(self, values: Gains, target_time: float) -> ControlSettings:
+        def put(self, group: tuple[str, ...], settings: ControlSettings) -> ControlSettings:
             if arrived:
-                desk.port.send_gains(values, target_time)
+                desk.port.put(group, settings)
             raise SystemExit
 
     before = desk.uploader.settings
@@ -254,9 +253,7 @@ def test_an_upload_that_a_crash_cut_short_is_old_or_new(desk: UploadingCell, arr
 
 
 def test_what_is_confirmed_is_in_force(desk: UploadingCell) -> None:
-    desk.run(
-        9.0, {3.0: gains(HIGHER), 6.0: lambda uploader, at: desk.port.send_gains(usual_gains("computed_torque"), 2.0)}
-    )
+    desk.run(9.0, {3.0: gains(HIGHER), 6.0: lambda uploader, at: desk.port.put(TUNING, ControlSettings())})
     trial = desk.uploader.trial
     assert trial is not None
     trial.judged_motion = True

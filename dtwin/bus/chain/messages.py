@@ -11,12 +11,13 @@ import msgspec
 
 from dtwin.arm.adjustment import Adjustment
 from dtwin.arm.model import ArmModel, ArmTuning
+from dtwin.parameters import JointVector
 from dtwin.signals import SCHEMA, Count, Line, Seconds, Word
 
 MOST_JOINTS: Final = 64
 TOGETHER: Final = 10
 """Largest number of ticks that are told together once they have passed."""
-Joints = Annotated[tuple[float, ...], msgspec.Meta(min_length=1, max_length=MOST_JOINTS)]
+Joints = Annotated[JointVector, msgspec.Meta(min_length=1, max_length=MOST_JOINTS)]
 
 
 class JointSensors(msgspec.Struct, frozen=True, gc=False, tag_field="schema", tag=SCHEMA):

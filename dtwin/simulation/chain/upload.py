@@ -7,13 +7,13 @@ from typing import Final, Protocol
 
 from dtwin.arm.model import ArmSettings
 from dtwin.errors import CommunicationError, ParameterError
+from dtwin.parameters import JointVector
 from dtwin.simulation.chain.history import ArmEntry, ArmHistory
 from dtwin.simulation.history import SELF, Action
 from dtwin.simulation.trial import Trial, TrialRules
 
 RULES: Final = TrialRules(longest=30.0)
 """A trial lasts at least 10 s and until a whole way has been judged; at most 30 s where an arm never rests."""
-Values = tuple[float, ...]
 
 
 class SettingsPort(Protocol):
@@ -49,7 +49,7 @@ class ArmUploads:
         self,
         port: SettingsPort,
         history: ArmHistory,
-        check: Callable[[ArmSettings], Values],
+        check: Callable[[ArmSettings], JointVector],
         time: float = 0.0,
         rules: TrialRules = RULES,
     ) -> None:
@@ -59,8 +59,8 @@ class ArmUploads:
         self._check = check
         self._rules = rules
         self._before: ArmSettings | None = None
-        self._waiting: Values | None = None
-        self._target: Values = ()
+        self._waiting: JointVector | None = None
+        self._target: JointVector = ()
         self._stood = False
         found, entries = port.read_back(), history.entries()
         if entries and entries[-1].settings == found:
@@ -156,7 +156,7 @@ class ArmUploads:
             raise ParameterError(f"version {version}: expected one of the history, 1 to {self.version}")
         return found[version]
 
-    def roll_back(self, who: str, why: str, time: float, measured: Values | None = None) -> ArmEntry:
+    def roll_back(self, who: str, why: str, time: float, measured: JointVector | None = None) -> ArmEntry:
         """Puts the settings before those on trial into force again, at once.
 
         Raises:
@@ -172,7 +172,7 @@ class ArmUploads:
         self.trial = self._before = self._waiting = None
         return self.last
 
-    def observe(self, time: float, target: Values, measured: Values) -> ArmEntry | None:
+    def observe(self, time: float, target: JointVector, measured: JointVector) -> ArmEntry | None:
         """Judges a sample while a trial runs.
 
         Args:
@@ -221,8 +221,8 @@ class ArmUploads:
         time: float,
         text: str = "",
         *,
-        predicted: Values | None = None,
-        measured: Values | None = None,
+        predicted: JointVector | None = None,
+        measured: JointVector | None = None,
     ) -> ArmEntry:
         entry = ArmEntry(
             version,

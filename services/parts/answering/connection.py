@@ -11,7 +11,7 @@ from typing import Final, TypeVar
 
 from dtwin.bus.messages import SettingsRequest
 from dtwin.controller.device import ControlLoop, SafeStop, Settings
-from dtwin.controller.ports import MODEL, OFFSETS, PAYLOAD, TUNING
+from dtwin.controller.ports import GROUPS
 from dtwin.controller.sequence import SequenceSettings
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import CommunicationError, DtwinError, RecordingError
@@ -167,14 +167,9 @@ class Connection:
             self._keep(found)
             return
         lost = kept.differing(found)
-        if lost & set(TUNING):
-            found = settings.set_tuning(kept.gains, kept.target_time)
-        if lost & set(MODEL):
-            found = settings.set_model(kept.model)
-        if PAYLOAD in lost:
-            found = settings.set_payload(kept.payload)
-        if lost & set(OFFSETS):
-            found = settings.set_offsets(kept.encoder_offset)
+        for group in GROUPS:
+            if lost & set(group):
+                found = settings.put(group, kept)
         if other := kept.differing(found):
             raise CommunicationError(
                 f"{self._address}: expected the settings of this run, got others of {', '.join(sorted(other))}: "
