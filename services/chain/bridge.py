@@ -44,6 +44,7 @@ _DATA_SHEET: Final = "the arm of the data sheet"
 WAIT: Final = 0.2
 """Longest wait for a sample before the status is looked after, s."""
 
+DOUBTED: Final = "the encoder of {joint} reads what cannot be true: look after it before the stop is released"
 RECENT: Final = 1.0
 """Largest time from the last answer to an event that is about this arm as it is now, s."""
 
@@ -99,7 +100,7 @@ class ArmBridge:
         self._model = JointModel(NAME, _DATA_SHEET, ArmModel.of(settings.arm), settings.control.tuning)
         self._last: JointCommands | None = None
         self._before: JointSensors | None = None
-        self._answered = self._skipped = 0
+        self._answered = self._skipped = self._doubted = 0
         self._fallen = False
         self._publish = bus.publisher(JOINT_COMMANDS, lossless=lossless)
         self._tell: Callable[[Event], None] = bus.publisher(EVENTS)
@@ -156,9 +157,18 @@ class ArmBridge:
         answer = self._blocks.step(sample)
         self._last = answer
         self._stops.notice(self._blocks.stop)
+        self._doubt(sample)
         if self._service.inbox.empty():  # else a newer sample waits, or the same one again
             self._publish(answer)
         self._answered += 1
+
+    def _doubt(self, sample: JointSensors) -> None:
+        """Tells once which joint has stopped the arm by readings that its blocks do not believe."""
+        doubted = self._blocks.doubted if self._blocks.stop != "none" else 0
+        if doubted and doubted != self._doubted:
+            joint = self._settings.arm.joints[doubted - 1].name
+            self._tell(Event(sample.time, EventKind.HELP, DOUBTED.format(joint=joint)))
+        self._doubted = doubted
 
     def _adjust(self, wished: JointAdjustment) -> JointAdjustment:
         """Lets the blocks count on what was found, on Zenoh's thread.
@@ -223,6 +233,7 @@ class OwnBlocks:
         self._controller = make()
         self._adjustment: Adjustment | None = None
         self.stop: Stop = "none"
+        self.doubted = 0
 
     def restart(self) -> None:
         """Puts new blocks in their place."""
@@ -249,6 +260,7 @@ class OwnBlocks:
             commands = self._controller.step(sample.theta, sample.box)
             target = tuple(map(float, self._controller.desired()[0]))
             self.stop = STOPS[self._controller.stop]
+            self.doubted = self._controller.doubted if self.stop != "none" else 0
             return JointCommands(sample.sequence, sample.time, commands, target, bool(self._controller.grips))
 
     def now(self) -> Stop:

@@ -61,7 +61,7 @@ class ChainController:
             self.resource.reader(tuple(f"{name}.FEEDBACK.{what}" for what in ("Q_M", "QD_M", "U"))) for name in names
         ]
         self._sequence = self.resource.reader((f"{SEQUENCE}.INDEX", f"{SEQUENCE}.DONE"))
-        self._doubts = [self.resource.reader((f"{name}.OBSERVER.DOUBT",)) for name in names]
+        self._doubts = [self.resource.reader((f"{name}.OBSERVER.DOUBT", f"{name}.OBSERVER.COUNT")) for name in names]
         self._stop = self.resource.reader((f"{STOP}.STOP", f"{STOP}.COUNT"))
 
     def start_anew(self, values: Mapping[str, Any]) -> None:

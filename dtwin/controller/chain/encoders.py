@@ -37,16 +37,16 @@ def belief(arm: Arm, k: int, inertia: float) -> dict[str, Any]:
         inertia: its usual inertia with all that it carries, kg m^2 or kg.
     """
     joint, noise, period = arm.joints[k], arm.tolerances.noise, arm.period
-    step, gear = joint.step, joint.transmission
-    largest = joint.largest if isfinite(joint.largest) else 0.0
-    dry = joint.friction.coulomb + joint.friction.load * _CARRIED * largest
+    step, gear, largest = joint.step, joint.transmission, joint.largest
+    known = largest if isfinite(largest) else 0.0
+    dry = joint.friction.coulomb + joint.friction.load * _CARRIED * known
     sticks = max(_HELD * dry / inertia, _LEAST)
     seen = _NOISES * sqrt(6.0) * noise + 2.0 * step  # the variance of a second difference is six times that of a reading
-    play = 0.0 if gear is None else gear.backlash + 2.0 * largest / gear.stiffness
-    pushed = sticks + _SHARE * largest / inertia
+    play = 0.0 if gear is None else gear.backlash + 2.0 * known / gear.stiffness
+    pushed = min(sticks + _SHARE * largest / inertia, WIDE)
     return {
         "GATE": GATE,
-        "KINK": period**2 * pushed + seen + play,
+        "KINK": min(period**2 * pushed, GATE) + seen + play,
         "WIDTH": _MOTION + _STEPS * step + _NOISES * noise + play,
         "STICKS": sticks,
         "AGAINST": WIDE if arm.servos else _TURNED * pushed + seen / period**2,
