@@ -38,7 +38,9 @@ def test_noise_repeats_no_reading_so_often() -> None:
     assert repeats(1e-4, 0.0) == 0
 
 
-@pytest.mark.parametrize("fault", ["freeze1@1.2", "freeze2@1.2", "bias2+=0.3@1.2", "scale1*=-1@1.2", "scale2*=0.5@1.2"])
+@pytest.mark.parametrize(
+    "fault", ["freeze1@1.2", "freeze2@1.2", "bias2+=0.3@1.2", "scale1*=-1@1.2", "scale2*=0.5@1.2"]
+)
 def test_an_arm_whose_encoder_lies_in_motion_stands_soon(fault: str) -> None:
     ran, told, _ = doubted("planar-2r", fault, duration=1.2 + BRAKED)
     arm = ran.settings.arm

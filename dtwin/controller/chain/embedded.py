@@ -133,7 +133,7 @@ class ChainController:
 
     @property
     def doubted(self) -> int:
-        """Number of the first joint, from 1, whose readings are doubted for so long that the arm stops; 0 for none."""
+        """Number of the first joint, from 1, whose readings the arm stops for; 0 for none."""
         return first_doubted([float(read()[0]) for read in self._doubts])
 
     @property

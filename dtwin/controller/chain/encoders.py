@@ -1,4 +1,4 @@
-"""What an encoder of a joint may read, by its data sheet: the numbers by which a block believes its readings or not."""
+"""What an encoder of a joint may read, by its data sheet: the numbers by which a block believes its readings."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from dtwin.arm.chain import Arm
 from dtwin.controller.chain.joints import WIDE
 
 GATE: Final = 0.05
-"""Distance by which an encoder may read too much or too little from one sample to the next, rad or m; the arm works on."""
+"""Distance by which an encoder may suddenly read too much or too little, rad or m, so that the arm works on."""
 _STEPS, _NOISES, _MOTION = 3.0, 10.0, 1e-3
-"""What an encoder shows in any case: that many steps and standard deviations of its noise, and that motion, rad or m."""
+"""What an encoder shows in any case: so many steps and deviations of its noise, and that motion, rad or m."""
 _HELD: Final = 4.0
 """Change of a torque, in parts of the dry friction, that friction twice as strong holds either way."""
 _CARRIED: Final = 0.5
@@ -41,7 +41,7 @@ def belief(arm: Arm, k: int, inertia: float) -> dict[str, Any]:
     known = largest if isfinite(largest) else 0.0
     dry = joint.friction.coulomb + joint.friction.load * _CARRIED * known
     sticks = max(_HELD * dry / inertia, _LEAST)
-    seen = _NOISES * sqrt(6.0) * noise + 2.0 * step  # the variance of a second difference is six times that of a reading
+    seen = _NOISES * sqrt(6.0) * noise + 2.0 * step  # a second difference has six times the variance
     play = 0.0 if gear is None else gear.backlash + 2.0 * known / gear.stiffness
     pushed = min(sticks + _SHARE * largest / inertia, WIDE)
     return {
