@@ -29,9 +29,10 @@ _TEXT: Final = re.compile(
 _FORM: Final = (
     "K2*=0.8@30, friction2*=2@30, load+=0.5@30, bias2+=0.01@30, scale2*=0.9@30, freeze2@30-31, lock2@30 or "
     "push2+=20@30-30.3"
-) @ dataclass(frozen=True, slots=True)
+)
 
 
+@dataclass(frozen=True, slots=True)
 class ChainFault:
     """A fault.
 
