@@ -197,8 +197,9 @@ class ArmBridge:
         inertia, control = usual_inertia(arm), self._settings.control.tuned(wished.tuning)
         changed, anew = held_inputs(arm, inertia, control), inputs(arm, inertia, control, self._settings.poses)
         with self._stops.answering:
+            another = self._model.model != wished.model
             self._inputs, self._model = anew, wished
-            self._blocks.reckon_with(changed)
+            self._blocks.reckon_with(changed, another)
         self._tell(Event(self._time(), EventKind.UPLOAD, f"settings of {wished.who}: {wished.why}"[:1000]))
         return wished
 
@@ -249,10 +250,10 @@ class OwnBlocks:
             self._adjustment = found
             self._controller.adjust(found)
 
-    def reckon_with(self, values: Mapping[str, float]) -> None:
-        """Gives these blocks another model and tuning; those that come in their place are made with them."""
+    def reckon_with(self, values: Mapping[str, float], another: bool = True) -> None:
+        """As `ChainController.reckon_with`; blocks that come in the place of these are made with them."""
         with self._lock:
-            self._controller.reckon_with(values)
+            self._controller.reckon_with(values, another)
 
     def step(self, sample: JointSensors) -> JointCommands:
         """The answer of the blocks to a sample."""

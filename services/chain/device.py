@@ -90,11 +90,14 @@ class DeviceBlocks:
             self._adjustment = found
             self._twin.exchange(found.message)
 
-    def reckon_with(self, values: Mapping[str, float]) -> None:
-        """Gives the blocks another model and tuning; no sample may be on its way meanwhile."""
+    def reckon_with(self, values: Mapping[str, float], another: bool = True) -> None:
+        """As `ChainController.reckon_with`; no sample may be on its way meanwhile."""
         with self._lock:
             for name, value in values.items():
                 self._application.write(name, value)
+            if another:
+                told = self._adjustment or Adjustment.none(len(self._names))
+                self._twin.exchange(told.message)
 
     def step(self, sample: JointSensors) -> JointCommands:
         """The answer of the blocks to a sample.
