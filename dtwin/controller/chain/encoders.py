@@ -20,6 +20,8 @@ _LEAST: Final = 2.0
 """Acceleration that counts as held also where the data sheet has no dry friction, rad/s^2 or m/s^2."""
 _SHARE: Final = 0.5
 """Torque from outside that pushes a joint, in parts of the largest one of its drive."""
+_RESTS: Final = 8e-4
+"""Distance from its path, rad or m, that a joint whose reading stays may keep, less than any task needs."""
 _TURNED: Final = 0.2
 """Acceleration against a growing command, in parts of what friction and a push together give, that is no push."""
 _LIVELY: Final = 0.6
@@ -52,7 +54,7 @@ def belief(arm: Arm, k: int, inertia: float) -> dict[str, Any]:
         "AGAINST": WIDE if arm.servos else _TURNED * pushed + seen / period**2,
         "TURN": max(2.0 * step, noise) if noise > 0.0 else WIDE,
         "REPEATS": repeats(step, noise),
-        "NEAR": _STEPS * step,
+        "NEAR": max(_STEPS * step, _RESTS),
     }
 
 
