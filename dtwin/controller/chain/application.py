@@ -100,7 +100,7 @@ DOUBTED: Final = 12.0
 
 
 BLIND: Final = 0.03
-"""Distance of a standing joint from its place, rad or m, beyond which an arm with a doubted joint loses its torque."""
+"""Distance of a standing joint from its place, rad or m, beyond which an arm in doubt loses its torque."""
 
 
 def first_doubted(counts: Sequence[float]) -> int:
