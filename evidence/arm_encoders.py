@@ -202,8 +202,8 @@ def encoders_report(arm: str, found: Sequence[Lie]) -> Report:
     good = sum(one.safe for one in found)
     return page(
         f"Encoders of {arm} that lie",
-        f"Every encoder of drawn machines of {arm} that sort boxes lies from a moment on, and nobody looks on but the "
-        "function blocks. Speeds are true ones, in parts of what the data sheet allows.",
+        f"Every encoder of drawn machines of {arm} that sort boxes lies from a moment on, and nobody looks on but "
+        "the function blocks. Speeds are true ones, in parts of what the data sheet allows.",
         f"In {good} of {len(found)} runs no joint was faster than {_ALLOWED:g} times that, and no box was lost.",
         table(heads, rows),
     )

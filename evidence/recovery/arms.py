@@ -13,7 +13,7 @@ from dtwin.arm.effort import BEFORE, ahead, effort_of, unladen
 from dtwin.campaign.spread import Progress
 from dtwin.commands.frame import at_least
 from dtwin.controller.chain.embedded import ChainController
-from dtwin.emulation.chain.faults import KINDS, ChainFault, Kind
+from dtwin.emulation.chain.faults import ChainFault, Kind
 from dtwin.errors import ParameterError
 from dtwin.monitoring.chain.sequential import HEALTHY
 from dtwin.recovery.chain.answers import MEASURES
@@ -22,6 +22,7 @@ from dtwin.run.arm_cell import ArmCell
 from dtwin.run.chain import ChainRun, ChainSettings, run
 from evidence.arm_sorting import FARTHEST, drawn_task, sorting
 from evidence.experiment import ExperimentCommand
+from evidence.monitoring.arm_faults import KINDS
 from evidence.report import Report
 
 _FIRST: Final = 3000

@@ -47,6 +47,7 @@ _DATA_SHEET: Final = "the arm of the data sheet"
 WAIT: Final = 0.2
 """Longest wait for a sample before the status is looked after, s."""
 
+DOUBTED: Final = "the encoder of {joint} reads what cannot be true: look after it before the stop is released"
 RECENT: Final = 1.0
 """Largest time from the last answer to an event that is about this arm as it is now, s."""
 
@@ -99,7 +100,7 @@ class ArmBridge:
         self._last: JointCommands | None = None
         self._before: JointSensors | None = None
         self._backlog = Backlog[JointSensors](service.next, lambda _: None)
-        self._answered = self._skipped = 0
+        self._answered = self._skipped = self._doubted = 0
         self._fallen = False
         self._publish = bus.publisher(JOINT_COMMANDS, lossless=lossless)
         keep_desk(bus)
@@ -152,8 +153,17 @@ class ArmBridge:
         answer = self._blocks.step(sample)
         self._last = answer
         self._stops.notice(self._blocks.stop)
+        self._doubt(sample)
         self._publish(answer)
         self._answered += 1
+
+    def _doubt(self, sample: JointSensors) -> None:
+        """Tells once which joint has stopped the arm by readings that its blocks do not believe."""
+        doubted = self._blocks.doubted if self._blocks.stop != "none" else 0
+        if doubted and doubted != self._doubted:
+            joint = self._given.joint_name(doubted)
+            self._given.say(Event(sample.time, EventKind.HELP, DOUBTED.format(joint=joint)))
+        self._doubted = doubted
 
     def _begin_anew(self, sample: JointSensors, why: str) -> None:
         self._fallen = False
@@ -205,6 +215,10 @@ class GivenSettings:
         """Publishes what the blocks count on."""
         self._tell_adjusted(self._adjustment)
 
+    def joint_name(self, number: int) -> str:
+        """Name of a joint by its number from 1."""
+        return self._settings.arm.joints[number - 1].name
+
     def count_on_data_sheet(self) -> None:
         """Lets the blocks count on nothing that was found."""
         self._put(_data_sheet(self.joints))
@@ -236,8 +250,9 @@ class GivenSettings:
         inertia, control = usual_inertia(arm), self._settings.control.tuned(wished.tuning)
         changed, anew = held_inputs(arm, inertia, control), inputs(arm, inertia, control, self._settings.poses)
         with self._answering:
+            another = self._model.model != wished.model
             self.inputs, self._model = anew, wished
-            self._blocks.reckon_with(changed)
+            self._blocks.reckon_with(changed, another)
         self.say(Event(self._time(), EventKind.UPLOAD, f"settings of {wished.who}: {wished.why}"[:1000]))
         return wished
 
@@ -255,6 +270,7 @@ class OwnBlocks:
         self._controller = make()
         self._adjustment: Adjustment | None = None
         self.stop: Stop = "none"
+        self.doubted = 0
 
     def restart(self) -> None:
         """Puts new blocks in their place."""
@@ -270,10 +286,10 @@ class OwnBlocks:
             self._adjustment = found
             self._controller.adjust(found)
 
-    def reckon_with(self, values: Mapping[str, float]) -> None:
-        """Gives these blocks another model and tuning; those that come in their place are made with them."""
+    def reckon_with(self, values: Mapping[str, float], another: bool = True) -> None:
+        """As `ChainController.reckon_with`; blocks that come in the place of these are made with them."""
         with self._lock:
-            self._controller.reckon_with(values)
+            self._controller.reckon_with(values, another)
 
     def step(self, sample: JointSensors) -> JointCommands:
         """The answer of the blocks to a sample."""
@@ -281,6 +297,7 @@ class OwnBlocks:
             commands = self._controller.step(sample.theta, sample.box)
             target = tuple(map(float, self._controller.desired()[0]))
             self.stop = STOPS[self._controller.stop]
+            self.doubted = self._controller.doubted if self.stop != "none" else 0
             return JointCommands(sample.sequence, sample.time, commands, target, bool(self._controller.grips))
 
     def now(self) -> Stop:

@@ -53,6 +53,7 @@ class DeviceBlocks:
 
     Attributes:
         stop: stop in force at the last sample.
+        doubted: number of the first joint, from 1, whose readings are not believed; 0 for none.
 
     Raises:
         CommunicationError: the FORTE does not answer, or refuses.
@@ -68,12 +69,14 @@ class DeviceBlocks:
         self._address = address
         self._patience = patience
         self._names = [chain.joint_name(k) for k in range(joints)]
-        self._watched = (*(f"{name}.PATH.Q_D" for name in self._names), _STOP)
+        targets = (f"{name}.PATH.Q_D" for name in self._names)
+        self._watched = (*targets, *(f"{name}.OBSERVER.DOUBT" for name in self._names), _STOP)
         self._values = values
         self._lock = threading.Lock()
         self._opened = ExitStack()
         self._adjustment: Adjustment | None = None
         self.stop: Stop = "none"
+        self.doubted = 0
         self._deploy()
 
     def restart(self) -> None:
@@ -87,11 +90,14 @@ class DeviceBlocks:
             self._adjustment = found
             self._twin.exchange(found.message)
 
-    def reckon_with(self, values: Mapping[str, float]) -> None:
-        """Gives the blocks another model and tuning; no sample may be on its way meanwhile."""
+    def reckon_with(self, values: Mapping[str, float], another: bool = True) -> None:
+        """As `ChainController.reckon_with`; no sample may be on its way meanwhile."""
         with self._lock:
             for name, value in values.items():
                 self._application.write(name, value)
+            if another:
+                told = self._adjustment or Adjustment.none(len(self._names))
+                self._twin.exchange(told.message)
 
     def step(self, sample: JointSensors) -> JointCommands:
         """The answer of the blocks to a sample.
@@ -101,10 +107,11 @@ class DeviceBlocks:
         """
         with self._lock:
             *commands, grips = self._arm.exchange((*sample.theta, sample.box))
-            *target, stop = self._application.watched(self._watched)
+            *watched, stop = self._application.watched(self._watched)
         if not all(map(math.isfinite, commands)):
             raise CommunicationError(f"{self._address}: expected finite commands, got {commands}")
-        self.stop = STOPS[int(stop)]
+        target, counts = watched[: len(self._names)], watched[len(self._names) :]
+        self.stop, self.doubted = STOPS[int(stop)], chain.first_doubted(counts)
         return JointCommands(sample.sequence, sample.time, tuple(commands), tuple(target), bool(grips))
 
     def now(self) -> Stop:

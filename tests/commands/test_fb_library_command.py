@@ -119,6 +119,7 @@ def test_lua_files_hold_the_types(tmp_path: Path, capsys: pytest.CaptureFixture[
         "EVENT_COUNTER",
         "JOINT_DRIVE",
         "JOINT_FEEDBACK",
+        "JOINT_OBSERVER",
         "JOINT_PATH",
         "JOINT_READING",
         "ORDER_DISPATCH",

@@ -17,6 +17,7 @@ from dtwin.emulation.chain.machine import drawn
 from dtwin.equations.rigid import usual_inertia
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.run.arm_cell import ArmCell
+from dtwin.run.chain import run
 from dtwin.simulation.chain.checks import as_before, check_model, check_settings, expected_tracking
 from dtwin.simulation.chain.history import ArmHistory
 from dtwin.simulation.chain.upload import ArmUploads
@@ -162,6 +163,25 @@ def test_blocks_that_get_a_model_answer_as_blocks_that_were_made_with_it() -> No
     for _ in range(50):
         q = q + 1e-3 * generator.standard_normal(len(arm))
         assert told.step(q.tolist()) == made.step(q.tolist())
+
+
+@pytest.mark.parametrize("another", [True, False])
+def test_a_model_that_knows_what_the_integrals_have_balanced_jolts_no_arm(another: bool) -> None:
+    settings = ArmCell(arm="planar-2r", machine="7", faults=("K2*=0.75@0",)).settings(8.9, 3)
+    joints = list(settings.machine.arm.joints)
+    drive = joints[1].actuator
+    joints[1] = replace(joints[1], actuator=replace(drive, constant=0.75 * (drive.constant or 0.0)))
+    known = with_model(settings.arm, ArmModel.of(replace(settings.machine.arm, joints=tuple(joints))))
+    told = held_inputs(known, usual_inertia(known), settings.control)
+
+    def tell(blocks: ChainController, rows: np.ndarray, done: int) -> None:
+        if done == 850:
+            blocks.reckon_with(told, another)
+
+    ran = run(settings, beside=tell)
+    speed = np.abs(np.diff(ran.error[850:880], axis=0)).max() / settings.arm.period
+    assert ran.stop == 0
+    assert speed < 0.05 if another else speed > 0.2
 
 
 def test_the_twin_expects_an_arm_to_follow_its_path_and_refuses_what_its_drives_cannot_do() -> None:

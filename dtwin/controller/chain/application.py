@@ -99,6 +99,10 @@ DOUBTED: Final = 12.0
 """Count of disbelieved readings of a joint beyond which the arm is stopped."""
 
 
+BLIND: Final = 0.03
+"""Distance of a standing joint from its place, rad or m, beyond which an arm in doubt loses its torque."""
+
+
 def first_doubted(counts: Sequence[float]) -> int:
     """Number of the first joint, from 1, that is doubted, from the outputs DOUBT of all joints; 0 for none.
 
@@ -356,6 +360,7 @@ def inputs(arm: Arm, inertia: Array, control: Control, poses: Poses | None) -> d
         f"{STOP}.SPEED_LIMIT": fastest,
         f"{STOP}.RUNAWAY_LIMIT": fastest,
         f"{STOP}.DOUBT_LIMIT": DOUBTED,
+        f"{STOP}.BLIND_LIMIT": BLIND,
     }
     chain = aligned(arm)
     for k in range(len(arm)):

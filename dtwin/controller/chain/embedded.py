@@ -51,6 +51,7 @@ class ChainController:
         for name, value in values.items():
             self.resource.write(name, value)
         servers = [self.resource.server(name) for name in (ARM, VERDICT, TWIN)]
+        self._told = Adjustment.none(joints)
         self._unstarted = self.resource.snapshot()
         self.resource.start()
         self._exchange, self._verdict, self._twin = (server.exchange for server in servers)
@@ -61,7 +62,7 @@ class ChainController:
             self.resource.reader(tuple(f"{name}.FEEDBACK.{what}" for what in ("Q_M", "QD_M", "U"))) for name in names
         ]
         self._sequence = self.resource.reader((f"{SEQUENCE}.INDEX", f"{SEQUENCE}.DONE"))
-        self._doubts = [self.resource.reader((f"{name}.OBSERVER.DOUBT",)) for name in names]
+        self._doubts = [self.resource.reader((f"{name}.OBSERVER.DOUBT", f"{name}.OBSERVER.COUNT")) for name in names]
         self._stop = self.resource.reader((f"{STOP}.STOP", f"{STOP}.COUNT"))
 
     def start_anew(self, values: Mapping[str, Any]) -> None:
@@ -100,12 +101,21 @@ class ChainController:
 
     def adjust(self, found: Adjustment) -> None:
         """Lets the joints count on what was found of them, from the next sample on."""
+        self._told = found
         self._twin(found.message)
 
-    def reckon_with(self, values: Mapping[str, float]) -> None:
-        """Gives the blocks another model and tuning from the next sample on (model.held_inputs)."""
+    def reckon_with(self, values: Mapping[str, float], another: bool = True) -> None:
+        """Gives the blocks a model and a tuning from the next sample on (model.held_inputs).
+
+        Args:
+            values: values of inputs.
+            another: whether the model is another one, so that the integral parts, which have balanced what the one
+                before did not know, begin anew.
+        """
         for name, value in values.items():
             self.resource.write(name, value)
+        if another:
+            self._twin(self._told.message)
 
     def halt(self, angles_known: bool) -> None:
         """Stops the arm: it brakes along its path and stands; without torque where its angles are not known."""
@@ -133,7 +143,7 @@ class ChainController:
 
     @property
     def doubted(self) -> int:
-        """Number of the first joint, from 1, whose readings are doubted for so long that the arm stops; 0 for none."""
+        """Number of the first joint, from 1, whose readings the arm stops for; 0 for none."""
         return first_doubted([float(read()[0]) for read in self._doubts])
 
     @property

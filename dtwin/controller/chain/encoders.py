@@ -1,4 +1,4 @@
-"""What an encoder of a joint may read, by its data sheet: the numbers by which a block believes its readings or not."""
+"""What an encoder of a joint may read, by its data sheet: the numbers by which a block believes its readings."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from dtwin.arm.chain import Arm
 from dtwin.controller.chain.joints import WIDE
 
 GATE: Final = 0.05
-"""Distance by which an encoder may read too much or too little from one sample to the next, rad or m; the arm works on."""
+"""Distance by which an encoder may suddenly read too much or too little, rad or m, so that the arm works on."""
 _STEPS, _NOISES, _MOTION = 3.0, 10.0, 1e-3
-"""What an encoder shows in any case: that many steps and standard deviations of its noise, and that motion, rad or m."""
+"""What an encoder shows in any case: so many steps and deviations of its noise, and that motion, rad or m."""
 _HELD: Final = 4.0
 """Change of a torque, in parts of the dry friction, that friction twice as strong holds either way."""
 _CARRIED: Final = 0.5
@@ -20,6 +20,8 @@ _LEAST: Final = 2.0
 """Acceleration that counts as held also where the data sheet has no dry friction, rad/s^2 or m/s^2."""
 _SHARE: Final = 0.5
 """Torque from outside that pushes a joint, in parts of the largest one of its drive."""
+_RESTS: Final = 8e-4
+"""Distance from its path, rad or m, that a joint whose reading stays may keep, less than any task needs."""
 _TURNED: Final = 0.2
 """Acceleration against a growing command, in parts of what friction and a push together give, that is no push."""
 _LIVELY: Final = 0.6
@@ -37,24 +39,22 @@ def belief(arm: Arm, k: int, inertia: float) -> dict[str, Any]:
         inertia: its usual inertia with all that it carries, kg m^2 or kg.
     """
     joint, noise, period = arm.joints[k], arm.tolerances.noise, arm.period
-    step, gear = joint.step, joint.transmission
-    largest = joint.largest if isfinite(joint.largest) else 0.0
-    dry = joint.friction.coulomb + joint.friction.load * _CARRIED * largest
+    step, gear, largest = joint.step, joint.transmission, joint.largest
+    known = largest if isfinite(largest) else 0.0
+    dry = joint.friction.coulomb + joint.friction.load * _CARRIED * known
     sticks = max(_HELD * dry / inertia, _LEAST)
-    seen = (
-        _NOISES * sqrt(6.0) * noise + 2.0 * step
-    )  # the variance of a second difference is six times that of a reading
-    play = 0.0 if gear is None else gear.backlash + 2.0 * largest / gear.stiffness
-    pushed = sticks + _SHARE * largest / inertia
+    seen = _NOISES * sqrt(6.0) * noise + 2.0 * step  # a second difference has six times the variance
+    play = 0.0 if gear is None else gear.backlash + 2.0 * known / gear.stiffness
+    pushed = min(sticks + _SHARE * largest / inertia, WIDE)
     return {
         "GATE": GATE,
-        "KINK": period**2 * pushed + seen + play,
+        "KINK": min(period**2 * pushed, GATE) + seen + play,
         "WIDTH": _MOTION + _STEPS * step + _NOISES * noise + play,
         "STICKS": sticks,
         "AGAINST": WIDE if arm.servos else _TURNED * pushed + seen / period**2,
         "TURN": max(2.0 * step, noise) if noise > 0.0 else WIDE,
         "REPEATS": repeats(step, noise),
-        "NEAR": _STEPS * step,
+        "NEAR": max(_STEPS * step, _RESTS),
     }
 
 

@@ -13,7 +13,7 @@ from dtwin.controller.chain.application import Control, inputs, joint_name
 
 _HELD: Final = {
     "PATH": ("SPEED", "ACCELERATION"),
-    "OBSERVER": ("BANDWIDTH",),
+    "OBSERVER": ("BANDWIDTH", "KINK", "WIDTH", "STICKS", "AGAINST"),
     "FEEDBACK": ("KP", "KI", "KD"),
     "LINK": ("M", "HX", "HY", "HZ", "JXX", "JXY", "JYY", "JXZ", "JYZ", "JZZ"),
     "DRIVE": ("TORQUE_CONSTANT", "LARGEST", "ROTOR", "VISCOUS", "COULOMB", "SHARE", "INERTIA"),

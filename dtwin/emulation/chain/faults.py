@@ -26,7 +26,10 @@ _FACTORS: Final = ("K", "friction", "scale")
 _TEXT: Final = re.compile(
     r"(?P<kind>[A-Za-z]+)(?P<joint>\d*)(?:(?P<sign>[*+])=(?P<value>[^@]+))?@(?P<start>[0-9.e+]+)(?:-(?P<end>[0-9.e+]+))?\Z"
 )
-_FORM: Final = "K2*=0.8@30, friction2*=2@30, load+=0.5@30, bias2+=0.01@30, scale2*=0.9@30, freeze2@30-31, lock2@30 or push2+=20@30-30.3"
+_FORM: Final = (
+    "K2*=0.8@30, friction2*=2@30, load+=0.5@30, bias2+=0.01@30, scale2*=0.9@30, freeze2@30-31, lock2@30 or "
+    "push2+=20@30-30.3"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +86,6 @@ def parse_chain_fault(text: str, joints: int) -> ChainFault:
         raise FaultError(f"fault {text!r}: expected numbers, as in {_FORM}") from None
     if not np.isfinite(value) or (kind in ("K", "friction") and value < 0.0) or not end > start:
         raise FaultError(
-            f"fault {text!r}: expected a finite value, factors of at least 0 but for scale, and an end after the start"
+            f"fault {text!r}: expected a finite value, factors of at least 0 (scale: any), and an end after the start"
         )
     return ChainFault(kind, joint, value, start, end)

@@ -100,7 +100,8 @@ class ChainStation:
         arm, control = self._settings.arm, self._settings.control
         wished = settings or JointSettings(control.tuning, Adjustment.none(len(arm)))
         check_joint_settings(self._settings, wished)
-        self._controller.reckon_with(held_inputs(arm, usual_inertia(arm), control.tuned(wished.tuning)))
+        tuned = held_inputs(arm, usual_inertia(arm), control.tuned(wished.tuning))
+        self._controller.reckon_with(tuned, another=False)
         self._controller.adjust(wished.adjustment)
         self.settings = settings
 
