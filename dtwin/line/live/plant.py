@@ -159,8 +159,8 @@ class LivePlant:
     def _now(self) -> PlantSituation:
         """What it is now. Raises ParameterError: its blocks cannot tell their state."""
         blocks = self._floor.control.blocks
-        told = isinstance(blocks, OneResource | Followed)
-        memory, now = blocks.memory() if told else None, self._floor.situation
+        memory = blocks.memory() if isinstance(blocks, OneResource | Followed) else None
+        now = self._floor.situation
         if memory is None or now is None:
             raise ParameterError(
                 "now: expected blocks in this process as machine code, or elsewhere ones that answer as these do"

@@ -16,7 +16,7 @@ from dtwin.line.twins.decisions import Decision, Mode, Note
 from dtwin.line.twins.overall import Choice, OverallTwin, Zone, changed
 from dtwin.line.twins.zone import AHEAD, HOUR
 
-_LATER: Final = 30.0
+LATER: Final = 30.0
 """Time from a change of the set-up to a second look at it, s."""
 
 
@@ -85,7 +85,7 @@ class Reorganisation:
         refused: list[Assignment] = []
         while choice := (back := self._back(towards, refused)) or self._overall.choose(now, refused, ahead):
             if back is None and (ahead < HOUR or refused):
-                self._again = (self._doors.clock() + _LATER, because, station)
+                self._again = (self._doors.clock() + LATER, because, station)
             if not changed(self.assignment, choice.assignment):
                 if not self._possible(self.assignment):  # nobody could tell anything better
                     self._pending = (now, because, station)
