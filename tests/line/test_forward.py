@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from dtwin.line.control import Control, OneResource
@@ -116,9 +117,9 @@ def test_boxes_come_from_the_zone_before_only_while_there_is_room_and_the_later_
     forward, share = Forward(FULL), {"test": "b1", "pack": "b2"}
     change = Change(share, TIMES)
     early = tuple((float(second), 0) for second in range(60))
-    crowd = forward.left_zone(1, now, change, 200.0, early)
+    crowd = forward.left_zone(1, now, change, 400.0, early)
+    paused = forward.left_zone(1, now, change, 400.0, (*early[:10], *((time + 90.0, 0) for time, _ in early[10:])))
     assert crowd is not None
-    assert len(crowd) < len(early), "not all of them are through"
-    paused = forward.left_zone(1, now, change, 200.0, (*early[:3], *((time + 90.0, 0) for time, _ in early[3:])))
     assert paused is not None
-    assert len(paused) <= len(crowd) - 3, "what did not come while it paused is not made up for"
+    assert len(paused) < len(crowd) < len(early)
+    assert max(np.diff([time for time, _ in paused])) > 20.0 + max(np.diff([time for time, _ in crowd]))

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from dtwin.line.file import line_of
-from dtwin.line.line import Line
+from dtwin.line.line import Assignment, Line
 from dtwin.line.run import LineRun, LineSettings
 from dtwin.line.twins.decisions import Decision
 from dtwin.line.twins.node import NodeTwin
@@ -98,8 +98,13 @@ class Charging(Told):
 
 def test_a_new_set_up_is_looked_at_again_for_an_hour_ahead() -> None:
     zones = [Charging(LINE, 0, {1: 150.0, 2: 140.0, 3: 60.0}), Told(LINE, 1, {1: 150.0, 2: 141.0, 3: 60.0}, "b2")]
-    time, decided, in_force = 100.0, list[Decision](), list[dict[str, str]]()
-    doors = Doors(lambda way: not in_force.append(dict(way)), lambda: time, decided.append)
+    time, decided, in_force = 100.0, list[Decision](), list[Assignment]()
+
+    def set_up(way: Assignment) -> bool:
+        in_force.append(dict(way))
+        return True
+
+    doors = Doors(set_up, lambda: time, decided.append)
     work = Reorganisation(LINE, "act", zones, doors)
     work.reconsider("b2 can do nothing", "b2")
     assert in_force == [{"deburr": "a2", "mark": "a2", "test": "b1", "pack": "b1"}], "the best for a while"
