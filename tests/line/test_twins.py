@@ -10,7 +10,7 @@ from dtwin.line.line import Assignment, Line
 from dtwin.line.run import LineRun, LineSettings
 from dtwin.line.twins.decisions import Decision
 from dtwin.line.twins.node import NodeTwin
-from dtwin.line.twins.overall import OverallTwin, predicted
+from dtwin.line.twins.overall import Choice, OverallTwin, predicted
 from dtwin.line.twins.rehearsal import rehearsed
 from dtwin.line.twins.reorganisation import LATER, Doors, Reorganisation
 from dtwin.line.twins.zone import AHEAD, Flow, ZoneTwin
@@ -121,6 +121,25 @@ def test_a_new_set_up_is_looked_at_again_for_an_hour_ahead() -> None:
     time += 1000.0
     work.retry()
     assert len(in_force) == 2, "a second look is the last one"
+
+
+@pytest.mark.parametrize(("first", "count"), [(Charging, 2), (Told, 1)])
+def test_twins_that_propose_propose_what_a_second_look_finds_only_if_it_is_something_else(
+    first: type[Told], count: int
+) -> None:
+    zones = [first(LINE, 0, {1: 150.0, 2: 140.0, 3: 60.0}), Told(LINE, 1, {1: 150.0, 2: 141.0, 3: 60.0}, "b2")]
+    times, proposed = iter((100.0, 100.0, 100.0 + LATER)), list[Assignment]()
+
+    def propose(choice: Choice, why: str) -> None:
+        proposed.append(choice.assignment)
+
+    doors = Doors(lambda way: False, lambda: next(times, 200.0), lambda decision: None, propose)
+    work = Reorganisation(LINE, "propose", zones, doors)
+    work.reconsider("b2 can do nothing", "b2")
+    assert len(proposed) == 1
+    work.retry()
+    assert len(proposed) == len({tuple(way.values()) for way in proposed}) == count
+    assert work.assignment == LINE.assignment
 
 
 def test_nothing_is_chosen_when_no_station_is_left() -> None:
