@@ -194,7 +194,8 @@ class _Child:
         if not self.alive:
             return ServiceSummary("stopping", 0.0, self.restarts, error)
         if now - self.heard > SILENT:
-            return ServiceSummary("silent", 0.0, self.restarts, f"no status for {now - self.heard:.0f} s; {error}")
+            silence = f"no status for {now - self.heard:.0f} s" + (f"; {error}" if error else "")
+            return ServiceSummary("silent", 0.0, self.restarts, silence)
         if status is None or status.state == "starting":
             # It has shown its token since, so it is ready; the next status says so within a second.
             return ServiceSummary("running", 0.0, self.restarts, error)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
@@ -21,6 +22,8 @@ MOST_CLASSES: Final = 3
 SCALE: Final = 0.005
 """Step of the scale that weighs boxes where they are told apart, kg."""
 MOST_ZONES: Final = 32
+RESERVED: Final = ("line", "overall", "plant", "supervisor", "twin")
+"""Names under which parts that every line has speak, which are those of no zone, station or vehicle."""
 CYCLE: Final = 0.1
 """Time from one sample of the line to the next, s."""
 FINISHED: Final = 99
@@ -249,14 +252,18 @@ class Line:
         if len(self.buffers) != len(self.zones) - 1:
             expected = f"{len(self.zones) - 1}, one between each zone and the next"
             raise ParameterError(f"buffers: expected {expected}, got {len(self.buffers)}")
-        taken: set[str] = set()
+        taken = {block_name(name): f"a part of every line, {name}," for name in RESERVED}
         for zone in self.zones:
             self._check_zone(zone)
             for name in (zone.name, *(s.name for s in zone.stations), *(v.name for v in zone.vehicles)):
                 check_name(name, "name")
-                if name in taken:
-                    raise ParameterError(f"{name}: expected a name that nothing else of the line has")
-                taken.add(name)
+                if (block := block_name(name)) in taken:
+                    other = taken[block]
+                    raise ParameterError(
+                        f"{name}: expected a name that nothing else of the line has, but {other} is named alike: case"
+                        " does not count, nor whether there is -, . or _, since blocks are named after it"
+                    )
+                taken[block] = name
             for vehicle in zone.vehicles:
                 if vehicle.manufacturer:
                     check_name(vehicle.manufacturer, f"zones.{zone.name}.vehicles.{vehicle.name}.manufacturer")
@@ -357,6 +364,12 @@ class Line:
                 if name not in known:
                     place = f"{where}.stations.{station.name}.operations"
                     raise ParameterError(f"{place}: expected {choices(known)}, got {name!r}")
+
+
+def block_name(name: str) -> str:
+    """What stands for a name in those of blocks and devices: an identifier, whose case does not count."""
+    word = re.sub("[-.]", "_", name.upper())
+    return word if word[0].isalpha() else f"_{word}"
 
 
 def _check_count(what: str, count: int, least: int, most: int) -> None:

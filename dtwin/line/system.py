@@ -15,7 +15,16 @@ from typing import Any, Final
 
 from dtwin.arm.sorting import read_sorting
 from dtwin.line.chain.cell import arm_cell
-from dtwin.line.line import CYCLE, MOST_OPERATIONS, MOST_STATIONS, Line, StationPlan, VehiclePlan, ZonePlan
+from dtwin.line.line import (
+    CYCLE,
+    MOST_OPERATIONS,
+    MOST_STATIONS,
+    Line,
+    StationPlan,
+    VehiclePlan,
+    ZonePlan,
+    block_name,
+)
 from dtwin.line.track import MOST_NODES
 from dtwin.run.cell_file import cell_of
 from dtwin.task import DEFAULT_TASK, Task
@@ -50,12 +59,12 @@ VERSION: Final = Version("1.0", "dtwin", "2026-11-27", "dtwin", "First version")
 @cache
 def plant_of(name: str) -> str:
     """Name of the SERVER block at which the plant of a zone, station or vehicle is a client."""
-    return f"{_upper(name)}{_PLANT}"
+    return f"{block_name(name)}{_PLANT}"
 
 
 def setup_of(zone: str) -> str:
     """Name of the SERVER block that takes the set-up of a zone."""
-    return f"{_upper(zone)}_SETUP"
+    return f"{block_name(zone)}_SETUP"
 
 
 def task_of(station: StationPlan) -> Task:
@@ -123,7 +132,7 @@ def system(line: Line) -> System:
         Mapped(f"{APPLICATION}.{block}", f"{device}.{RESOURCE}.{block}") for block, device in drawing.places.items()
     )
     header = TypeHeader(
-        _upper(line.name),
+        block_name(line.name),
         comment=f"Control of the line {line.name}",
         standard="61499-2",
         versions=(VERSION,),
@@ -147,20 +156,20 @@ def _resource(blocks: list[str]) -> ResourceDeclaration:
 
 def device_of(station: str) -> str:
     """Name of the device of a station."""
-    return f"STATION_{_upper(station)}"
+    return f"STATION_{block_name(station)}"
 
 
 def _devices(line: Line) -> dict[str, str]:
     found = {}
     for zone in line.zones:
-        found[f"ZONE_{_upper(zone.name)}"] = f"Control of zone {zone.name}"
-        found[f"VEHICLES_{_upper(zone.name)}"] = f"Control of the vehicles of zone {zone.name}"
+        found[f"ZONE_{block_name(zone.name)}"] = f"Control of zone {zone.name}"
+        found[f"VEHICLES_{block_name(zone.name)}"] = f"Control of the vehicles of zone {zone.name}"
         found |= {device_of(station.name): f"Control of station {station.name}" for station in zone.stations}
     return found
 
 
 def _draw_zone(drawing: _Drawing, line: Line, zone: ZonePlan) -> None:
-    number, name, track = line.zones.index(zone), _upper(zone.name), zone.track
+    number, name, track = line.zones.index(zone), block_name(zone.name), zone.track
     device = f"ZONE_{name}"
     plant = drawing.server(
         device, plant_of(zone.name), 1, 2, "The ends of the zone: next box and room in, orders out"
@@ -206,11 +215,11 @@ def _draw_zone(drawing: _Drawing, line: Line, zone: ZonePlan) -> None:
 def _draw_vehicle(
     drawing: _Drawing, zone: ZonePlan, k: int, vehicle: VehiclePlan, dispatch: str, router: str
 ) -> None:
-    device = f"VEHICLES_{_upper(zone.name)}"
+    device = f"VEHICLES_{block_name(zone.name)}"
     plant = drawing.server(device, plant_of(vehicle.name), 3, 4, f"Vehicle {vehicle.name}: where it is; what it does")
     execution = drawing.block(
         device,
-        f"{_upper(vehicle.name)}_EXECUTION",
+        f"{block_name(vehicle.name)}_EXECUTION",
         "ORDER_EXECUTION",
         f"Orders of vehicle {vehicle.name}",
         HOME=literal_of(zone.track.number(vehicle.home)),
@@ -244,7 +253,7 @@ def _draw_station(drawing: _Drawing, line: Line, k: int, station: StationPlan, d
     places += [0] * (MOST_OPERATIONS - len(places))
     setup = drawing.block(
         device,
-        f"{_upper(station.name)}_SETUP",
+        f"{block_name(station.name)}_SETUP",
         "STATION_SETUP",
         f"What the arm of station {station.name} is offered",
         **{f"PLACE{number}": literal_of(place) for number, place in enumerate(places, 1)},
@@ -295,7 +304,3 @@ def track_inputs(
 
 def _filled(values: Sequence[int], size: int) -> list[int]:
     return [*values, *[0] * (size - len(values))]
-
-
-def _upper(name: str) -> str:
-    return name.upper().replace("-", "_")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from dtwin.line.control import Control, OneResource
@@ -107,3 +108,18 @@ def test_an_hour_is_what_was_simulated_and_its_rate_after_the_first_minute() -> 
     assert in_an_hour((*early, *late)) == pytest.approx(in_an_hour(late) + 3)
     assert in_an_hour(early) == pytest.approx(360.0)
     assert in_an_hour(()) == 0.0
+
+
+def test_boxes_come_from_the_zone_before_only_while_there_is_room_and_the_later_ones_later() -> None:
+    plant, control = running(FULL, 1500)
+    now = control.now(plant)
+    assert now is not None
+    forward, share = Forward(FULL), {"test": "b1", "pack": "b2"}
+    change = Change(share, TIMES)
+    early = tuple((float(second), 0) for second in range(60))
+    crowd = forward.left_zone(1, now, change, 400.0, early)
+    paused = forward.left_zone(1, now, change, 400.0, (*early[:10], *((time + 90.0, 0) for time, _ in early[10:])))
+    assert crowd is not None
+    assert paused is not None
+    assert len(paused) < len(crowd) < len(early)
+    assert max(np.diff([time for time, _ in paused])) > 20.0 + max(np.diff([time for time, _ in crowd]))

@@ -1,12 +1,14 @@
 """Line files: what is read, and what is told of a wrong one."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from dtwin.errors import DtwinError
 from dtwin.line.file import FOLDER, line_of, load
+from dtwin.line.line import block_name
 from dtwin.line.system import system
 from dtwin.parameters import ROOT
 from iec61499.deploy.system_file import system_text
@@ -65,6 +67,22 @@ def test_a_wrong_file_is_told(tmp_path: Path, old: str, new: str, message: str |
     assert str(path) in str(told.value)
     assert message in str(told.value)
     assert "\n" not in str(told.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "other"),
+    [("A1", "a1"), ("a-agv1", "a_agv1"), ("b.agv1", "b_agv1"), ("B", "b"), ("Plant", "a part of every line, plant,")],
+)
+def test_a_name_of_which_the_same_blocks_would_be_named_is_refused(name: str, other: str) -> None:
+    line = line_of("default")
+    last = line.zones[-1]
+    stations = (replace(last.stations[0], name=name), *last.stations[1:])
+    with pytest.raises(DtwinError, match="expected a name that nothing else of the line has"):
+        replace(line, zones=(*line.zones[:-1], replace(last, stations=stations)))
+
+
+def test_names_make_identifiers_of_blocks() -> None:
+    assert [block_name(name) for name in ("a1", "Cell-2.b", "9")] == ["A1", "CELL_2_B", "_9"]
 
 
 def test_a_line_that_is_not_there() -> None:

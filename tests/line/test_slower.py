@@ -90,7 +90,7 @@ def test_the_twin_of_a_zone_reckons_with_an_arm_that_is_slower() -> None:
 def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """Has zones tell at once what they let through, the same for every way to share the work out."""
     monkeypatch.setattr(zone, "simulated", lambda line, times: 100.0)
-    monkeypatch.setattr(ZoneTwin, "_from", lambda self, now, way, arrivals: zone.Flow(dict(way), 100.0))
+    monkeypatch.setattr(ZoneTwin, "_from", lambda self, now, way, *rest: zone.Flow(dict(way), 100.0))
 
 
 def run_of(fault: str, mode: Mode, duration: float) -> LineRun:

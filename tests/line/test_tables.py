@@ -92,7 +92,9 @@ def test_a_folder_that_is_none_of_a_run_is_told(
     made: Made, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["line", "query", "select 1", str(tmp_path)]) == 2
-    assert "expected a table of a run of `dtwin line run --out`" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "expected a table of a run of `dtwin line run --out`" in said
+    assert "it is not there" in said
     with pytest.raises(DtwinError, match="expected folders of different names"):
         ask("select 1", [made[2], made[2]])
     assert main(["line", "query", "select 0.25 as share", str(made[2]), "--json"]) == 0

@@ -6,12 +6,14 @@ from dataclasses import replace
 import pytest
 
 from dtwin.line.file import line_of
-from dtwin.line.line import Line
+from dtwin.line.line import Assignment, Line
 from dtwin.line.run import LineRun, LineSettings
+from dtwin.line.twins.decisions import Decision
 from dtwin.line.twins.node import NodeTwin
-from dtwin.line.twins.overall import OverallTwin, predicted
+from dtwin.line.twins.overall import Choice, OverallTwin, predicted
 from dtwin.line.twins.rehearsal import rehearsed
-from dtwin.line.twins.zone import Flow, ZoneTwin
+from dtwin.line.twins.reorganisation import LATER, Doors, Reorganisation
+from dtwin.line.twins.zone import AHEAD, Flow, ZoneTwin
 from dtwin.monitoring.kinds import parse_fault_id
 from dtwin.monitoring.verdict import Finding, finding
 
@@ -78,6 +80,66 @@ def test_the_twin_of_the_line_takes_the_way_whose_slowest_zone_is_fastest() -> N
     assert choice is not None
     assert choice.rate == 95.0
     assert choice.assignment == {"deburr": "a1", "mark": "b1", "test": "b1", "pack": "b2"}
+
+
+class Charging(Told):
+    """A zone whose vehicles charge within an hour, so that it lets fewer boxes through, but with a1 alone."""
+
+    def best(
+        self, operations: tuple[str, ...], now: object, arrivals: object = None, ahead: float = AHEAD
+    ) -> Flow | None:
+        ways = [flow for way in self.assignments(operations) if (flow := Flow(way, self._after(way, ahead)))]
+        return max(ways, key=lambda flow: flow.rate, default=None)
+
+    def _after(self, way: dict[str, str], ahead: float) -> float:
+        charge = ahead > AHEAD and set(way.values()) != {"a1"}
+        return self._rates[len(way)] - len(set(way.values()) - {"a2"}) * 0.1 - 20.0 * charge
+
+
+def test_a_new_set_up_is_looked_at_again_for_an_hour_ahead() -> None:
+    zones = [Charging(LINE, 0, {1: 150.0, 2: 140.0, 3: 60.0}), Told(LINE, 1, {1: 150.0, 2: 141.0, 3: 60.0}, "b2")]
+    time, decided, in_force = 100.0, list[Decision](), list[Assignment]()
+
+    def set_up(way: Assignment) -> bool:
+        in_force.append(dict(way))
+        return True
+
+    doors = Doors(set_up, lambda: time, decided.append)
+    work = Reorganisation(LINE, "act", zones, doors)
+    work.reconsider("b2 can do nothing", "b2")
+    assert in_force == [{"deburr": "a2", "mark": "a2", "test": "b1", "pack": "b1"}], "the best for a while"
+    time = 100.0 + LATER - 1.0
+    work.retry()
+    assert len(in_force) == 1
+    time += 1.0
+    work.retry()
+    assert in_force[1:] == [{"deburr": "a1", "mark": "a1", "test": "b1", "pack": "b1"}], "the best for an hour"
+    assert [(each.time, each.what, each.station) for each in decided] == [
+        (100.0, "set-up", "b2"),
+        (130.0, "set-up", "b2"),
+    ]
+    time += 1000.0
+    work.retry()
+    assert len(in_force) == 2, "a second look is the last one"
+
+
+@pytest.mark.parametrize(("first", "count"), [(Charging, 2), (Told, 1)])
+def test_twins_that_propose_propose_what_a_second_look_finds_only_if_it_is_something_else(
+    first: type[Told], count: int
+) -> None:
+    zones = [first(LINE, 0, {1: 150.0, 2: 140.0, 3: 60.0}), Told(LINE, 1, {1: 150.0, 2: 141.0, 3: 60.0}, "b2")]
+    times, proposed = iter((100.0, 100.0, 100.0 + LATER)), list[Assignment]()
+
+    def propose(choice: Choice, why: str) -> None:
+        proposed.append(choice.assignment)
+
+    doors = Doors(lambda way: False, lambda: next(times, 200.0), lambda decision: None, propose)
+    work = Reorganisation(LINE, "propose", zones, doors)
+    work.reconsider("b2 can do nothing", "b2")
+    assert len(proposed) == 1
+    work.retry()
+    assert len(proposed) == len({tuple(way.values()) for way in proposed}) == count
+    assert work.assignment == LINE.assignment
 
 
 def test_nothing_is_chosen_when_no_station_is_left() -> None:

@@ -154,7 +154,8 @@ def _read(run: str, path: Path) -> pa.Table:
     try:
         table = pq.read_table(path)
     except (OSError, pa.ArrowException) as error:
-        why = reason_of(error) if isinstance(error, OSError) and error.strerror else "it is no Parquet file"
+        known = isinstance(error, OSError) and error.strerror
+        why = reason_of(error) if known else "it is no Parquet file" if path.exists() else "it is not there"
         raise RecordingError(f"{path}: expected a table of a run of `dtwin line run --out`: {why}") from None
     return table.add_column(0, "run", pa.array([run] * len(table), pa.string()))
 

@@ -16,7 +16,7 @@ from dtwin.line.twins.decisions import Decision, Mode, Note
 from dtwin.line.twins.overall import Choice, OverallTwin, Zone, changed
 from dtwin.line.twins.zone import AHEAD, HOUR
 
-_LATER: Final = 30.0
+LATER: Final = 30.0
 """Time from a change of the set-up to a second look at it, s."""
 
 
@@ -57,6 +57,7 @@ class Reorganisation:
         self._overall = OverallTwin(line, zones)
         self._pending: tuple[Assignment, str, str] | None = None
         self._again: tuple[float, str, str] | None = None
+        self._proposed: Assignment | None = None
         self._impossible = ""
         self.assignment: Assignment = dict(line.assignment)
         self.version = 0
@@ -69,7 +70,7 @@ class Reorganisation:
         """Shares the work out as is best now; what cannot be done yet is tried again with `retry`.
 
         An arm that fails is answered at once, from a short simulation; a while later `retry` looks at that again, for
-        an hour ahead. Where a person decides there is time for that at once.
+        an hour ahead.
 
         Args:
             because: why.
@@ -80,12 +81,13 @@ class Reorganisation:
         if self._mode == "off":
             return
         now = self.assignment if towards is None else towards
-        ahead = ahead if self._mode == "act" else HOUR
         self._pending = self._again = None
         refused: list[Assignment] = []
         while choice := (back := self._back(towards, refused)) or self._overall.choose(now, refused, ahead):
             if back is None and (ahead < HOUR or refused):
-                self._again = (self._doors.clock() + _LATER, because, station)
+                self._again = (self._doors.clock() + LATER, because, station)
+            if ahead == HOUR and choice.assignment == self._proposed:
+                return
             if not changed(self.assignment, choice.assignment):
                 if not self._possible(self.assignment):  # nobody could tell anything better
                     self._pending = (now, because, station)
@@ -242,6 +244,7 @@ class Reorganisation:
             self.assignment = choice.assignment
             self.version += 1
         else:
+            self._proposed = choice.assignment
             self._doors.propose(choice, why)
 
     def _decide(
