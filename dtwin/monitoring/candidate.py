@@ -35,9 +35,7 @@ _RECENT: Final = 0.04
 _FARTHEST: Final = 25.0
 """Largest square of an innovation in standard deviations that counts: single readings may be far off."""
 _LARGEST: Final = 50.0**2
-"""Square of a size, relative to a plausible one, from which on no more is given back."""
-_ABSURD: Final = 1000.0**2
-"""The same from which on it is that of an estimate that diverges."""
+"""Square of a size, relative to a plausible one, from which on it is that of an estimate that diverges."""
 _SEEN: Final = 20
 """Samples in which it shows that a push has ended, or what an arm does without its box."""
 _ALIKE: Final = 0.02
@@ -173,14 +171,14 @@ class Candidate:
             used[self._stopping] = False
         speed = estimator.x[W:ARM].copy()
         gain = estimator.correct(moment.measured, used) - moment.likelihood
-        self._push(speed)
+        self._count_work(speed)
         if self._stopped is not None and moment.used[self._stopping]:
             # One that repeats itself is no news, wherever within its resolution it is taken to be.
             away = float(moment.measured[self._stopping]) - self._stopped if moment.fresh[self._stopping] else 0.0
             gain += estimator.chance(self._stopping, away)
         if not math.isfinite(gain):
             self.gain = -math.inf
-        elif moment.counts and news and math.isfinite(self.gain):
+        elif moment.counts and news:
             tails = self._given_back()
             gain, self._tails = gain + tails - self._tails, tails
             self.gain += gain
@@ -295,18 +293,15 @@ class Candidate:
     def _given_back(self) -> float:
         """What the tails of Cauchy's distribution charge less than those of a normal one for changes so large.
 
-        A box, whose mass starts from several values, has nothing given back, and an estimate that diverges loses all.
+        A box, whose mass starts from several values, has nothing given back.
         """
         x, given = self.estimator.x, 0.0
         for name, size in self._sizes.items():
-            square = ((float(x[INDEX[name]]) - self._begun[name]) / size) ** 2
-            if square > _ABSURD:
-                return -math.inf
-            square = min(square, _LARGEST)
+            square = min(((float(x[INDEX[name]]) - self._begun[name]) / size) ** 2, _LARGEST)
             given += max(0.5 * square - math.log1p(square), 0.0)
         return given
 
-    def _push(self, expected: Array) -> None:
+    def _count_work(self, expected: Array) -> None:
         """Adds up what a push gives to its joint, or takes from it, while it lasts: work over inertia, (rad/s)^2.
 
         Args:
@@ -316,7 +311,7 @@ class Candidate:
             joint = self.fault.joint - 1
             speed = float(self.estimator.x[W + joint])
             work = (speed - expected[joint]) * 0.5 * (speed + expected[joint])
-            self._work += max(work, 0.0), max(-work, 0.0)
+            self._work = np.add(self._work, (max(work, 0.0), max(-work, 0.0)))
 
     def _catch(self) -> None:
         """The jaws hold the lost box again: what they are about to grip is the box that there was."""

@@ -354,13 +354,13 @@ class Estimator:
             self._C = np.ascontiguousarray(np.delete(self._C, place, axis=1))
 
     def change(self, name: str) -> Change | None:
-        """How a state has changed since it was remembered; None if it was not."""
+        """How a state has changed, within its bounds, since it was remembered; None if it was not."""
         if name not in self._cloned:
             return None
         place, index = self._cloned.index(name), INDEX[name]
-        value = min(max(self.x[index], self._least[index]), self._most[index])
+        value, before = np.clip((self.x[index], self._clones[place]), self._least[index], self._most[index])
         variance = self.P[index, index] - 2.0 * self._C[index, place] + self._B[place]
-        return Change(float(self._clones[place]), float(value), float(max(variance, 0.0) ** 0.5))
+        return Change(float(before), float(value), float(max(variance, 0.0) ** 0.5))
 
     def evidence(self) -> Evidence:
         """What the last sample tells of changes; the arrays are the estimator's own."""
