@@ -134,7 +134,8 @@ class Diagnosis:
             self._compare(moment, still)
         if self._still and (self._sample - self.alarm) % _LOOK == 0:
             moment = self._looked(moment)
-        if self._resting.update(moment.measured) and not self.certain:
+        # What a model lacks is alike in all samples of an arm that rests.
+        if self._resting.update(moment.measured) and self._temper > 1.0 and not self.certain:
             moment = moment._replace(counts=False)
             self._history.replace_last(moment)
         for candidate in self.candidates:
