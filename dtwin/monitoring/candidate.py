@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from dtwin.monitoring.estimation.arrays import Change
 from dtwin.monitoring.estimation.estimator import HANDLING, Estimator
-from dtwin.monitoring.estimation.layout import INDEX, PAYLOAD
+from dtwin.monitoring.estimation.layout import ARM, INDEX, MOVING, PAYLOAD, TORQUE, W
 from dtwin.monitoring.estimation.traces import STANDSTILL
-from dtwin.monitoring.kinds import BIAS, DRIFT, UNKNOWN, FaultId, reference
+from dtwin.monitoring.kinds import BIAS, DRIFT, SCALE, UNKNOWN, FaultId, reference
 from dtwin.monitoring.signatures import Onset
 from dtwin.monitoring.tracking.moments import Moment, Moments
 
@@ -42,6 +42,10 @@ _ALIKE: Final = 0.02
 """Share by which the jumps of two encoders that read each other's angles differ at most."""
 _PUSH: Final = 0.3
 """Standard deviation of the torque of a push, N m."""
+_GIVEN: Final = 0.2
+"""Share of the energy taken from a joint that an estimate may give to it though nothing does."""
+AT_ONCE: Final = (BIAS, SCALE)
+"""kinds that show in the first sample after their onset"""
 
 
 def is_none(name: str, value: float, estimator: Estimator) -> bool:
@@ -82,6 +86,8 @@ class Candidate:
             from there on, as one whose disk slips.
 
     Attributes:
+        fault: what changed; of torques on all joints, the joint on which most was borne.
+        everywhere: whether it is torques on all joints.
         caught: samples after which the lost box is held again, 0 for never.
         estimator: the arm under the hypothesis.
         gain: log-likelihood over the arm as believed, since the onset, and the logarithm of how rare it is.
@@ -128,6 +134,8 @@ class Candidate:
             estimator.remember(name)
         self._sizes = {name: size for name, size in spreads.items() if name != "payload"}
         self._tails = 0.0
+        self._work = np.zeros(2)
+        self.everywhere, self._borne = False, np.zeros(3)
         self._box: Change | None = None
         self._told: FaultId | None = None
         self._cause: tuple[str, ...] | None = None
@@ -137,10 +145,8 @@ class Candidate:
         match hypothesis:
             case "hold" if not delay:
                 estimator.lock(fault.joint)
-            case "torque":
-                estimator.disturb(fault.joint)
             case "push":
-                estimator.disturb(fault.joint, deviation=_PUSH)
+                estimator.burden(_PUSH, fault.joint)
 
     def follow(self, moment: Moment) -> None:
         """Takes in a sample."""
@@ -163,7 +169,9 @@ class Candidate:
         if self._stopped is not None:
             used = used.copy()
             used[self._stopping] = False
+        speed = estimator.x[W:ARM].copy()
         gain = estimator.correct(moment.measured, used) - moment.likelihood
+        self._count_work(speed)
         if self._stopped is not None and moment.used[self._stopping]:
             # One that repeats itself is no news, wherever within its resolution it is taken to be.
             away = float(moment.measured[self._stopping]) - self._stopped if moment.fresh[self._stopping] else 0.0
@@ -177,6 +185,9 @@ class Candidate:
             self.peak = max(self.peak, gain)
             self.misfit = misfit_after(self.misfit, estimator.score, estimator.information, used)
             self.worst = max(self.worst, self.misfit)
+            if self.everywhere:
+                self._borne += np.square(estimator.x[TORQUE:MOVING])
+                self.fault = FaultId(self.fault.kind, int(self._borne.argmax()) + 1)
 
     def as_it_is(self) -> Candidate:
         """What it has come to, which does not follow on with it."""
@@ -225,6 +236,12 @@ class Candidate:
         return abs(first + second) < _ALIKE * abs(first)
 
     @property
+    def brakes(self) -> bool:
+        """Whether it is a push that only took energy from its joint: so do friction at one angle and an obstacle."""
+        given, taken = self._work
+        return self.fault.about.passing and bool(given < _GIVEN * taken)
+
+    @property
     def waits(self) -> bool:
         """Whether it has not been seen what comes after: of a push, that it has ended for a while. Of a box that is
         lost, how the arm moves once the box touches it no more, because until then nearly any motion is possible."""
@@ -256,8 +273,18 @@ class Candidate:
     def roughly(self, torque: float, sizes: dict[str, float]) -> Candidate:
         """That nothing has happened since the same onset, but any torque (N m) may act on every joint."""
         rough = Candidate(FaultId(UNKNOWN, 1), self.onset, sizes)
-        rough.estimator.disturb(1, 2, 3, deviation=torque)
+        rough.estimator.disturb(torque)
         return rough
+
+    @classmethod
+    def lawless(
+        cls, fault: FaultId, onset: Onset, sizes: dict[str, float], deviation: float, *joints: int
+    ) -> Candidate:
+        """That torques (N m) which no law gives, and which last, act on one joint (1 to 3) or all since an onset."""
+        found = cls(fault, onset, sizes)
+        found.estimator.burden(deviation, *joints)
+        found.everywhere = len(joints) > 1
+        return found
 
     def _moved(self, name: str) -> str:
         """The state by which one is told to change: the share of a disk that slips offsets nothing at once."""
@@ -273,6 +300,18 @@ class Candidate:
             square = min(((float(x[INDEX[name]]) - self._begun[name]) / size) ** 2, _LARGEST)
             given += max(0.5 * square - math.log1p(square), 0.0)
         return given
+
+    def _count_work(self, expected: Array) -> None:
+        """Adds up what a push gives to its joint, or takes from it, while it lasts: work over inertia, (rad/s)^2.
+
+        Args:
+            expected: (3,), speeds without it in the last sample, rad/s.
+        """
+        if self.fault.about.passing and self._delay >= 0:
+            joint = self.fault.joint - 1
+            speed = float(self.estimator.x[W + joint])
+            work = (speed - expected[joint]) * 0.5 * (speed + expected[joint])
+            self._work = np.add(self._work, (max(work, 0.0), max(-work, 0.0)))
 
     def _catch(self) -> None:
         """The jaws hold the lost box again: what they are about to grip is the box that there was."""
@@ -296,7 +335,7 @@ class Candidate:
         elif self.fault.about.hypothesis == "jump":
             self.estimator.spread(self._spreads)
         elif self.fault.about.hypothesis == "push":
-            self.estimator.disturb()
+            self.estimator.relieve(self.fault.joint)
         elif self.fault.about.hypothesis == "hold":
             self.estimator.lock(self.fault.joint)
 
@@ -313,3 +352,15 @@ class Conclusion(NamedTuple):
     candidate: Candidate
     probability: float
     others: tuple[tuple[FaultId, float], ...] = ()
+
+    @property
+    def on_one_matter(self) -> float:
+        """Probability of the cause and of those of the others that tell of the same matter."""
+        told = self.candidate.isolated
+        return self.probability + sum(share for fault, share in self.others if _one_matter(fault, told))
+
+
+def _one_matter(first: FaultId, second: FaultId) -> bool:
+    """Whether two faults tell of the same matter, as an offset and a wrong scale do of an encoder that has jumped."""
+    jumped = first.joint == second.joint and first.kind in AT_ONCE and second.kind in AT_ONCE
+    return jumped or first.same_matter(second)

@@ -12,18 +12,19 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Final, Literal
 
-from dtwin.monitoring.candidate import Candidate, Conclusion
-from dtwin.monitoring.hypotheses import OF_ENCODER, PAIRED, changes, pairs, stopped_at_rest, stops, weakens
+from dtwin.monitoring.candidate import AT_ONCE, Candidate, Conclusion
+from dtwin.monitoring.hypotheses import OF_ENCODER, PAIRED, changes, lawless, pairs, stopped_at_rest, stops, weakens
 from dtwin.monitoring.kinds import (
     BIAS,
     DRIFT,
     FREEZE,
     LOCK,
-    SCALE,
+    MU,
     SUPPLY,
     UNKNOWN,
     FaultId,
 )
+from dtwin.monitoring.sensing.resting import Resting
 from dtwin.monitoring.sensing.stopped import StandsStill
 from dtwin.monitoring.signatures import SOONER, Onset, Suspicion
 from dtwin.monitoring.tracking.moments import Moment, Moments
@@ -51,9 +52,7 @@ EXTENDED: Final = 1500
 """samples after the alarm at which it is taken in any case: the next motions tell apart what one pose does not"""
 _PRECISE: Final = 0.02
 """standard deviation of what changed, relative to a plausible change, that is small enough to settle"""
-_AT_ONCE: Final = (BIAS, SCALE)
-"""kinds that show in the first sample after their onset"""
-_TORQUES: Final = ("K", "D", "mu", BIAS, DRIFT)
+_TORQUES: Final = ("K", "D", MU, BIAS, DRIFT)
 """kinds of what an unknown torque on a joint may be mistaken for"""
 SURE: Final = 0.95
 """probability of the causes that a finding names together"""
@@ -121,6 +120,7 @@ class Diagnosis:
         self._tried: set[tuple[str, ...]] = set()
         self._jumped: dict[FaultId, Candidate] = {}
         self._lately: deque[Conclusion] = deque(maxlen=_SUDDEN)
+        self._resting = Resting()
         self._known: list[tuple[Candidate, int, float, float]] = []
         self._ranked: list[tuple[Candidate, float]] = []
         for candidate in self.candidates:
@@ -134,6 +134,10 @@ class Diagnosis:
             self._compare(moment, still)
         if self._still and (self._sample - self.alarm) % _LOOK == 0:
             moment = self._looked(moment)
+        # What a model lacks is alike in all samples of an arm that rests.
+        if self._resting.update(moment.measured) and self._temper > 1.0 and not self.certain:
+            moment = moment._replace(counts=False)
+            self._history.replace_last(moment)
         for candidate in self.candidates:
             candidate.follow(moment)
         self._prune()
@@ -141,9 +145,9 @@ class Diagnosis:
         if self._pairs:
             # One a sample, because each has to catch up, and the next sample does not wait.
             self.candidates.append(self._caught_up(self._pairs.pop()))
-        top, probability = self.best()
-        if top.worst <= self._misfit and not self._pairs:
-            self._lately.append(Conclusion(top.as_it_is(), probability, self.others()))
+        found = self._conclusion()
+        if found.candidate.worst <= self._misfit and not self._pairs:
+            self._lately.append(found._replace(candidate=found.candidate.as_it_is()))
 
     def stop(self, stopped: Sequence[StandsStill]) -> None:
         """Takes in that joints are locked, or that their encoders have stopped."""
@@ -157,13 +161,21 @@ class Diagnosis:
     def believed(self) -> Conclusion:
         """What it has come to, or had before if no cause explains the motion any more: an arm that has hit something
         moves unlike all of them, and what it does then does not speak for the one that allows the most."""
-        top, probability = self.best()
+        found = self._conclusion()
+        top = found.candidate
         if top.worst > self._misfit and len(self._lately) == _SUDDEN:
             before = self._lately[0]
             # After a push the healthy arm goes on: if that does not explain the motion, it was none.
-            if _on_one_matter(before) >= SURE and not before.candidate.fault.about.passing:
+            if before.on_one_matter >= SURE and not before.candidate.fault.about.passing:
                 return before
-        return Conclusion(top, probability, self.others())
+        return found
+
+    def _conclusion(self) -> Conclusion:
+        """What the likelihoods come to; of what may have been a push or not, both."""
+        top, probability = self.best()
+        if not top.brakes:
+            return Conclusion(top, probability, self.others())
+        return Conclusion(top, 0.5 * probability, ((FaultId(MU, top.fault.joint), 0.5 * probability), *self.others()))
 
     def best(self) -> tuple[Candidate, float]:
         """The most likely candidate, and the probability of its cause, alone or beside another."""
@@ -236,7 +248,7 @@ class Diagnosis:
         elif self.certain and (stopped := self._stopped(found)):
             return stopped
         if top.misfit > self._misfit:
-            return found._replace(candidate=self._unknown(top.onset, 1, 2, 3))
+            return found._replace(candidate=self._unknown(top.onset, top.fault.joint or 1, 1, 2, 3))
         if not top.changes():
             return found
         again = self._caught_up(top.again(self._sizes))
@@ -244,8 +256,8 @@ class Diagnosis:
 
     def _unknown(self, onset: Onset, *joints: int) -> Candidate:
         """The unknown cause since an onset, of one of some joints (1 to 3), that explains the motion best."""
-        unknown = [self._caught_up(Candidate(FaultId(UNKNOWN, joint), onset, self._sizes)) for joint in joints]
-        return max(unknown, key=lambda each: each.gain)
+        unknown = map(self._caught_up, lawless(joints[0], onset, self._sizes))
+        return max((each for each in unknown if each.fault.joint in joints), key=lambda each: each.gain)
 
     def _stopped(self, found: Conclusion) -> Conclusion | None:
         """That an encoder has stopped, as probable as it was while a cause explained the motion.
@@ -280,10 +292,10 @@ class Diagnosis:
             return age >= ENOUGH or (self.certain and age >= LEAST and self._convinces(top, probability))
         if age < self._least or probability < DECIDED:
             # An offset and a wrong scale differ only once the joint has moved far.
-            located = top.fault.kind not in _AT_ONCE and self._located(top.fault.joint) >= LOCATED
+            located = top.fault.kind not in AT_ONCE and self._located(top.fault.joint) >= LOCATED
             judged = top.gain < CERTAIN or self.earned()
             return age >= EXTENDED or (judged and (age >= MOST or (age >= PATIENT and located)))
-        if top.other or top.waits:
+        if top.other or top.waits or top.fault.kind == UNKNOWN:
             return age >= ENOUGH
         # What is lost has no size to be told.
         sized = () if top.fault.about.hypothesis == "loss" else self._sizes.keys() & top.changes().keys()
@@ -369,7 +381,7 @@ class Diagnosis:
 
     def _at_once(self, candidate: Candidate) -> float:
         """What one sample tells of an encoder's jump, of which no other sample is a repetition."""
-        return candidate.peak if candidate.fault.kind in _AT_ONCE else 0.0
+        return candidate.peak if candidate.fault.kind in AT_ONCE else 0.0
 
     def _prune(self) -> None:
         # A push that has not ended yet allows nearly any motion: beside it nothing is hopeless.
@@ -382,15 +394,3 @@ class Diagnosis:
             for each in self.candidates
             if each.gain >= least or (self.certain and each.fault.kind == FREEZE and math.isfinite(each.gain))
         ]
-
-
-def _on_one_matter(conclusion: Conclusion) -> float:
-    """Probability of what a diagnosis comes to and of its other causes that tell of the same matter."""
-    told, others = conclusion.candidate.isolated, conclusion.others
-    return conclusion.probability + sum(share for fault, share in others if _one_matter(fault, told))
-
-
-def _one_matter(first: FaultId, second: FaultId) -> bool:
-    """Whether two faults tell of the same matter, as an offset and a wrong scale do of an encoder that has jumped."""
-    jumped = first.joint == second.joint and first.kind in _AT_ONCE and second.kind in _AT_ONCE
-    return jumped or first.same_matter(second)

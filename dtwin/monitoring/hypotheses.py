@@ -45,6 +45,9 @@ _SERIOUS: Final = 0.6
 """share of the best statistic that makes a suspicion's onset one that a joint may have been locked at"""
 _STEPS: Final = 2
 """samples between two onsets at which an encoder's offset may have jumped"""
+LAWLESS: Final = (0.01, 0.03, 0.1, 0.3)
+"""Standard deviations of torques without a law on one joint, or on all, that a cause has to explain the motion better
+than, N m: what a cable pulls, what cogs and what fades look like many causes for a while, and like none for long"""
 _WEAKER: Final = ("K", "D", "mu")
 """kinds of what makes a joint weaker"""
 OF_ENCODER: Final = (BIAS, DRIFT)
@@ -76,9 +79,9 @@ def changes(
         for onset in (s.onset, *s.others)
     ]
     hypotheses += [(fault, onset) for fault in faults(LOCK) for onset in onsets]
-    hypotheses += [(fault, onsets[0]) for fault in faults(UNKNOWN)]
     hypotheses += [(FaultId(FREE), onset) for onset in onsets if locked]
     found = [Candidate(fault, onset, sizes) for fault, onset in hypotheses]
+    found += lawless(likely[0].fault.joint or 1, onsets[0], sizes)
     slipping = [(fault, onset) for fault, onset in hypotheses if fault.kind == SCALE]
     found += [Candidate(fault, onset, sizes, slips=True) for fault, onset in slipping]
     where = [(s.fault.joint, s.onset) for s in likely if s.fault.kind in OF_ENCODER and s.onset.gap > 1]
@@ -91,6 +94,14 @@ def changes(
             for f in _told_by(fault, "loss")
             for delay in range(DELAYED)
             for caught in ((0, *CAUGHT) if f.kind == SLIP and sample - onset.sample <= _RECENT else (0,))
+        ]
+        # Whatever is suspected, what is lost may have been lost when it shows first.
+        found += [
+            Candidate(f, then, sizes, delay=delay)
+            for f in _told_by(fault, "loss")
+            for then in onsets
+            for delay in range(DELAYED)
+            if then.sample != onset.sample
         ]
         when = (onset, *_later(suspicion, likely, sample))
         found += [Candidate(fault, then, sizes, {str(fault): start}) for then in when for start in fault.about.starts]
@@ -131,6 +142,12 @@ def stopped_at_rest(resting: Sequence[StandsStill], sizes: dict[str, float]) -> 
         Candidate(FaultId(FREEZE, joint), onset, sizes, delay=max(first - onset.sample, 0))
         for joint, _, _, first, onset in resting
     ]
+
+
+def lawless(joint: int, onset: Onset, sizes: dict[str, float]) -> list[Candidate]:
+    """That torques act which no law gives: on each joint, or on all, of which at first one (1 to 3) is suspected."""
+    where = [(fault, (fault.joint,)) for fault in faults(UNKNOWN)] + [(FaultId(UNKNOWN, joint), (1, 2, 3))]
+    return [Candidate.lawless(fault, onset, sizes, size, *joints) for fault, joints in where for size in LAWLESS]
 
 
 def _later(suspicion: Suspicion, likely: Sequence[Suspicion], sample: int) -> list[Onset]:

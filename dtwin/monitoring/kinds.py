@@ -43,6 +43,7 @@ BIAS: Final = "bias"
 DRIFT: Final = "drift"
 SCALE: Final = "scale"
 LATE: Final = "late"
+MU: Final = "mu"
 SUPPLY: Final = "supply"
 _JOINTS: Final = (1, 2, 3)
 _TEXT: Final = re.compile(r"([A-Za-z]+)([123]?)")
@@ -124,7 +125,7 @@ KINDS: Final[dict[str, Kind]] = {
         "friction",
         "jump",
         angles_known=True,
-        states=("D", "mu"),
+        states=("D", MU),
         unit="N m s/rad",
         plausible=0.1,
         nothing=0.1,
@@ -132,17 +133,17 @@ KINDS: Final[dict[str, Kind]] = {
         starts=(0.1, 0.3),
         limit=Limit(0.5),
     ),
-    "mu": Kind(
+    MU: Kind(
         "friction",
         "jump",
         angles_known=True,
-        states=("D", "mu"),
+        states=("D", MU),
         unit="N m",
         plausible=0.01,
         nothing=0.1,
         limit=Limit(0.02, relative=False),
     ),
-    "friction": Kind("friction", "jumps", angles_known=True, states=("D", "mu")),
+    "friction": Kind("friction", "jumps", angles_known=True, states=("D", MU)),
     "payload": Kind(
         "payload differs",
         "jump",

@@ -44,7 +44,7 @@ from dtwin.parameters import PERIOD
 Array = NDArray[np.float64]
 
 _OWN: Final = (
-    *("x", "P", "gains", "innovation", "variance", "score", "information", "_walk", "_torque", "_swing"),
+    *("x", "P", "gains", "innovation", "variance", "score", "information", "_walk", "_swing"),
     *("_command", "handling", "_clones", "_C", "_B", "_growth", "_motion"),
 )
 """what changes in place, of which a copy needs its own"""
@@ -54,8 +54,6 @@ TOUCHING: Final = 100
 """samples after which the arm has left a box let go that lies at a finger, or has taken along one that it gripped"""
 _JOLT: Final = 0.5
 """standard deviation of the joints' speeds after one of them was locked, relative to the speed it had"""
-_FOREIGN: Final = 0.1
-"""N m, standard deviation of a torque on a joint that no fault explains"""
 
 
 class Estimator:
@@ -175,18 +173,8 @@ class Estimator:
             self.information,
         )
         if self._cloned:
-            kernels.follow_clones(
-                self._clones,
-                self._C,
-                self._B,
-                self.F,
-                self.gains,
-                self.score,
-                self.variance,
-                used,
-                self.memory,
-                self._growth,
-            )
+            changed = self._clones, self._C, self._B, self.F, self.gains, self.score, self.variance
+            kernels.follow_clones(*changed, used, self.memory, self._growth)
         return likelihood
 
     def weigh(self, joint: int) -> float:
@@ -317,11 +305,23 @@ class Estimator:
             self.P[joint - 1, joint - 1] += (jolt * PERIOD) ** 2
             self._make_certain(still, 0.0)
 
-    def disturb(self, *joints: int, deviation: float = _FOREIGN) -> None:
-        """Allows a torque of unknown cause (N m) on each of some joints (1 to 3), and on no other one."""
-        self._torque = np.square(self.belief.error.white)
-        for joint in joints:
-            self._torque[joint - 1] = deviation**2
+    def disturb(self, deviation: float) -> None:
+        """Allows a torque (N m) of unknown cause on every joint, a new one in each sample."""
+        self._torque = np.full(3, deviation**2)
+
+    def burden(self, deviation: float, *joints: int) -> None:
+        """Takes the torques that last, see `Unmodelled.slow`, to be larger on some joints (1 to 3) by a standard
+        deviation (N m)."""
+        for index in (TORQUE + joint - 1 for joint in joints):
+            self._walk[index] += deviation**2 * (1.0 - self.memory**2)
+            self.P[index, index] += deviation**2
+
+    def relieve(self, joint: int) -> None:
+        """Takes the torque that lasts on a joint (1 to 3) to be that of a healthy arm again."""
+        index, size = TORQUE + joint - 1, self.belief.error.slow[joint - 1]
+        self._make_certain(index, 0.0)
+        self.P[index, index] = size**2
+        self._walk[index] = size**2 * (1.0 - self.memory**2)
 
     def lose(self, name: str) -> None:
         """Takes a voltage constant or the mass held to be zero; a lost box leaves the jaws as one that is let go."""
@@ -354,13 +354,13 @@ class Estimator:
             self._C = np.ascontiguousarray(np.delete(self._C, place, axis=1))
 
     def change(self, name: str) -> Change | None:
-        """How a state has changed since it was remembered; None if it was not."""
+        """How a state has changed, within its bounds, since it was remembered; None if it was not."""
         if name not in self._cloned:
             return None
         place, index = self._cloned.index(name), INDEX[name]
-        value = min(max(self.x[index], self._least[index]), self._most[index])
+        value, before = np.clip((self.x[index], self._clones[place]), self._least[index], self._most[index])
         variance = self.P[index, index] - 2.0 * self._C[index, place] + self._B[place]
-        return Change(float(self._clones[place]), float(value), float(max(variance, 0.0) ** 0.5))
+        return Change(float(before), float(value), float(max(variance, 0.0) ** 0.5))
 
     def evidence(self) -> Evidence:
         """What the last sample tells of changes; the arrays are the estimator's own."""
