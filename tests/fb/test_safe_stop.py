@@ -481,3 +481,17 @@ def test_a_release_starts_with_integrals_of_zero() -> None:
     theta, path = run.path, [run.resource.read(f"CONTROLLER.SUM{j}") for j in JOINTS]
     assert np.abs(path).max() < 1e-9
     np.testing.assert_array_equal(theta, [run.resource.read(f"PLANNER.THETA{j}") for j in JOINTS])
+
+
+@pytest.mark.parametrize(("doubt", "limit", "stop"), [(13.0, 0.03, 3), (11.0, 0.03, 2), (13.0, 1.0e9, 2)])
+def test_a_standing_arm_whose_readings_are_in_doubt_may_not_be_pushed_as_far(
+    doubt: float, limit: float, stop: int
+) -> None:
+    block = decision(STANDSTILL)
+    block.resource.write("DUT.BLIND_LIMIT", limit)
+    block.fire("CHECK", FOLLOWING=0.0, SPEED=0.0, SATURATED=0.0, DOUBT=doubt, FASTEST=0.0, OVERRIDE=False)
+    for _ in range(LASTING - 1):
+        block.fire("REQ", AWAY=0.05)
+    assert block["STOP"] == STANDSTILL
+    block.fire("REQ", AWAY=0.05)
+    assert block["STOP"] == stop
