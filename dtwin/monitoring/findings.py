@@ -216,20 +216,20 @@ class Findings:
         self._explained[found.parameter] = 0
         self.note(time, "failed", found.text())
 
-    def read(self, time: float, readings: Readings, trusted: bool) -> None:
+    def read(self, time: float, readings: Readings, stopped: Sequence[bool]) -> None:
         """Takes in what the readings tell by themselves, at a plant time (s).
 
         Args:
             time: plant time of the last sample, s.
             readings: the readings up to that sample.
-            trusted: whether the predictions can tell that an encoder has stopped.
+            stopped: which encoders (3) have stopped for sure.
         """
         for i in (i for i, spike in enumerate(readings.spikes.tolist()) if spike):
             self.note(*self._bursts.tell(time, i, int(readings.wild[i])))
         for (i, name, fault), count in zip(_FREEZES, readings.repeated.tolist(), strict=True):
             if readings.frozen[i]:
                 self._stood[i] = time
-            if readings.frozen[i] and trusted and not self.blind and readings.proven[i]:
+            if stopped[i] and not self.blind:
                 self.enter(time, finding(fault, time - count * PERIOD, time))
             elif time >= self._stood[i] + WORKS and count == 0 and (name in self.current or name in self._tolerated):
                 self.end(time, name)

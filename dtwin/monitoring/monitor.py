@@ -21,7 +21,7 @@ from dtwin.monitoring.readiness.sheet import LOUD, SheetTrial
 from dtwin.monitoring.sensing.commands import all_finite, commands_between
 from dtwin.monitoring.sensing.listening import Listening, replay, with_noise
 from dtwin.monitoring.sensing.readings import Readings
-from dtwin.monitoring.sensing.stopped import Stopped, stands_still
+from dtwin.monitoring.sensing.stopped import Stopped, stands_still, surely
 from dtwin.monitoring.settings import MonitorSettings
 from dtwin.monitoring.signatures import SignatureBank, limits
 from dtwin.monitoring.tracking.moments import Moment
@@ -133,7 +133,7 @@ class Monitor:
             self.trend.enter(self.time, self.estimator)
             self._look(Watching())
         else:
-            self.findings.read(self.time, self._track.readings, True)
+            self.findings.read(self.time, self._track.readings, self._stopped_for_sure(True))
             self._conclude(stretch.last, False)
         return stretch.done
 
@@ -203,12 +203,8 @@ class Monitor:
 
     def verdict(self) -> MonitoringVerdict:
         """The opinion now, as it is published."""
-        wrong = (
-            modes.suspected(self._mode, self._bank, self._limits.warning),
-            self.forecasts,
-            self.standing(),
-            self._misfit,
-        )
+        suspected = modes.suspected(self._mode, self._bank, self._limits.warning)
+        wrong = suspected, self.forecasts, self.standing(), self._misfit
         return verdict_on(self.time, *wrong, self.unobservable(), self.missed, self.restarts)
 
     def unobservable(self) -> tuple[str, ...]:
@@ -242,8 +238,11 @@ class Monitor:
         moment = track.step(estimator, measured, arrived, command, doubt, trusted)
         if arrived:
             known = self._listening is None and (self._probation.passed or bool(self._misfit))
-            self.findings.read(self.time, track.readings, known)
+            self.findings.read(self.time, track.readings, self._stopped_for_sure(known))
         self._conclude(moment, regripped)
+
+    def _stopped_for_sure(self, known: bool) -> list[bool]:
+        return surely(self._track.readings, self._track.moments, known, not self._misfit)
 
     def _conclude(self, moment: Moment, regripped: bool) -> None:
         """Does what the mode asks for with a sample that the estimate has taken in."""

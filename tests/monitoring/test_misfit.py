@@ -64,6 +64,17 @@ def test_a_model_that_explains_the_motion_later_fits_after_all(belief: Belief, r
     assert {unit.state for unit in monitor.verdict().units.values()} == {"nominal"}
 
 
+def test_an_arm_that_rests_is_not_taken_for_an_encoder_that_has_stopped(run_cell: Callable[..., Log]) -> None:
+    """An encoder without noise repeats itself at rest, where a model that does not fit expects the arm to fall."""
+    weak, without = "K3*=0.5@3.9", assumed(ArmParameters(), (0.0, 0.0, 0.0))
+    for faults, told in (((weak,), []), ((weak, "freeze1@20"), ["freeze1"])):
+        seen = stream(run_cell(24.0, 0, *faults, noise=0.0))
+        monitor = Monitor(without)
+        seen.feed(monitor, 0, len(seen))
+        assert next(event.kind for event in monitor.events if event.kind not in ("spike", "burst")) == "misfit"
+        assert [found.parameter for found in monitor.history] == told
+
+
 def test_the_same_change_after_some_motion_is_a_fault(belief: Belief, run_cell: Callable[..., Log]) -> None:
     seen = stream(run_cell(45.0, 3, "K1*=0.6@31"))
     monitor = Monitor(belief)

@@ -184,6 +184,11 @@ class Readings:
         """Which encoders have stopped, (3,): even at a joint that stands still they would not repeat a reading."""
         return self.frozen & ((self.resolution == 0.0) | (self._deviation > NOISY * self.resolution))
 
+    @property
+    def exact(self) -> Flags:
+        """Which encoders have no noise, (3,), so that they repeat themselves at rest."""
+        return self._deviation <= NOISE_FLOOR
+
     def repeating(self, moves: list[bool]) -> bool:
         """Whether an encoder repeats its reading though its joint moves, or does so often though noise changes it."""
         each = zip(moves, *(a.tolist() for a in (self.repeated, self._deviation, self.resolution)), strict=True)

@@ -7,7 +7,7 @@ joints do does: the motion of a joint acts on them, and so does a voltage on a j
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -15,6 +15,10 @@ from dtwin.monitoring.kinds import FREEZE, LOCK
 from dtwin.monitoring.sensing.judging import FROZEN
 from dtwin.monitoring.sensing.readings import Readings
 from dtwin.monitoring.signatures import Onset, SignatureBank
+from dtwin.monitoring.tracking.moments import Moments
+
+_BESIDE: Final = 0.05
+"""rad: while another joint goes so far, no joint of an arm that works stays at an angle to the last bit"""
 
 
 class StandsStill(NamedTuple):
@@ -54,6 +58,30 @@ class Stopped:
     def ask(self, joints: Collection[int]) -> None:
         """A diagnosis looks into joints."""
         self._asked.update(joints)
+
+
+def surely(readings: Readings, moments: Moments, known: bool, fits: bool) -> list[bool]:
+    """Which encoders (3) have stopped for sure.
+
+    A model that does not fit may expect an arm to move that rests, and encoders without noise repeat themselves then.
+    Of these only the other joints tell.
+
+    Args:
+        readings: the readings up to the last sample.
+        moments: the samples before it.
+        known: whether noise and model are known well enough to tell.
+        fits: whether the model explains the motion of the arm.
+    """
+    if not known or True not in readings.frozen.tolist():
+        return [False] * 3
+    proven: list[bool] = readings.proven.tolist()
+    if fits:
+        return proven
+    for i in np.flatnonzero(readings.proven & readings.exact):
+        count = min(int(readings.repeated[i]), len(moments))
+        away = np.abs(readings.last - moments.measured(count - 1)) if count else np.zeros(3)
+        proven[i] = bool(np.delete(away, i).max() > _BESIDE)
+    return proven
 
 
 def repeating(readings: Readings) -> list[int]:

@@ -63,6 +63,11 @@ class Moments:
         """The last samples, oldest first; there have to be so many."""
         return [self._at(row) for row in range(self._end - count, self._end)]
 
+    def measured(self, before: int) -> Array:
+        """What was measured so many samples before the last one, 0 for it itself, (3,) rad; it has to be there."""
+        found: Array = self._columns[3][self._end - 1 - before]
+        return found
+
     def append(self, moment: Moment) -> None:
         """Takes in the next sample."""
         self._open(1)
