@@ -100,7 +100,7 @@ class ArmBridge:
         self._last: JointCommands | None = None
         self._before: JointSensors | None = None
         self._backlog = Backlog[JointSensors](service.next, lambda _: None)
-        self._answered = self._skipped = self._doubted = 0
+        self._answered = self._doubted = 0
         self._fallen = False
         self._publish = bus.publisher(JOINT_COMMANDS, lossless=lossless)
         keep_desk(bus)
@@ -125,7 +125,7 @@ class ArmBridge:
             if service.report_due():
                 stopped = self._stops.stop != "none"
                 state: State = "waiting" if not self._stops.known else "stopped" if stopped else "running"
-                service.report(state, self._answered, time=self._time(), late_ticks=self._skipped)
+                service.report(state, self._answered, time=self._time(), late_ticks=self._backlog.skipped)
                 self._given.tell()
 
     def _answer(self, sample: JointSensors) -> None:
@@ -148,7 +148,6 @@ class ArmBridge:
         elif before is not None:
             for k in range(1, gap):
                 self._blocks.step(_between(before, sample, k / gap))
-                self._skipped += 1
         self._before = sample
         answer = self._blocks.step(sample)
         self._last = answer

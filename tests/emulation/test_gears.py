@@ -21,12 +21,11 @@ START = np.array([0.3, -0.8])
 
 
 def arm_with(gear: Transmission | None, friction: Friction | None = None) -> Arm:
-    """The planar arm without gravity, friction or stops, with such gears."""
+    """The planar arm without gravity or friction, with such gears."""
 
     def made(joint: Joint) -> Joint:
         actuator = replace(joint.actuator, rotor=ROTOR, constant=1.0, limit=100.0)
-        free = replace(joint, lower=-np.inf, upper=np.inf)
-        return replace(free, actuator=actuator, friction=friction or Friction(), transmission=gear)
+        return replace(joint, actuator=actuator, friction=friction or Friction(), transmission=gear)
 
     return replace(PLANAR, gravity=np.zeros(3), joints=tuple(made(joint) for joint in PLANAR.joints))
 
@@ -196,7 +195,7 @@ def test_a_gear_that_no_step_can_follow_is_refused_by_name() -> None:
 def test_an_arm_without_torque_falls_against_its_stops() -> None:
     """A little beyond the range of a joint, where paths never come, so that they change nothing within it."""
     free = tuple(replace(joint, friction=Friction()) for joint in PLANAR.joints)
-    plant = plant_of(replace(PLANAR, joints=free))
+    plant = ChainPlant(Machine("made", replace(PLANAR, joints=free), False, False, stops=True), START)
     highest = np.full(2, -np.inf)
     for _ in range(1000):
         plant.apply((2.0, 2.0))

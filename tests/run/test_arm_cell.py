@@ -51,7 +51,7 @@ def test_what_knows_the_arm_of_the_thesis_alone_says_so(
     assert "dtwin run --cell-file" in told
 
 
-@pytest.mark.parametrize("command", ["simulate", "bench"])
+@pytest.mark.parametrize("command", ["validate", "bench"])
 def test_other_arms_are_refused_with_what_knows_them(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([command, "--arm", "six-axis"]) == 2
     told = " ".join(capsys.readouterr().err.split())

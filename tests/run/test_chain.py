@@ -83,7 +83,7 @@ def test_the_command_runs_an_arm_and_prints_its_figures(tmp_path: Path, capsys: 
     [
         (
             ["--arm", "planar-2r", "--noise", "0.1"],
-            "--noise: has no meaning for another arm than the thesis's: expected --cell-file, --duration",
+            "--noise: has no meaning for another arm than the thesis's: expected --runtime, --cell-file",
         ),
         (["--arm", "none"], "expected a file"),
         (["--arm", "planar-2r", "--machine", "servo"], "expected ideal, nominal, a number"),

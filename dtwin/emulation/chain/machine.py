@@ -1,8 +1,8 @@
 """What a serial arm of a kind really is: another arm with its own numbers, and effects that its equations leave out.
 
-A machine is `ideal`, which has no friction but the viscous one, gears that do not yield, and encoders without steps;
-`nominal`, which is as the data sheet says with all effects; a number, for which an arm is drawn from the tolerances
-of its kind; or a file, which changes some numbers of one of these:
+A machine is `ideal`, which has no friction but the viscous one, gears that do not yield, encoders without steps, and
+no stops; `nominal`, which is as the data sheet says with all effects; a number, for which an arm is drawn from the
+tolerances of its kind; or a file, which changes some numbers of one of these:
 
 base = "7"                 # ideal, nominal or a number; nominal without it
 
@@ -37,12 +37,14 @@ class Machine:
         arm: what it really is.
         friction: whether Coulomb friction and friction that grows with the load act.
         encoders: whether encoders have steps and noise.
+        stops: whether joints have stops beyond their ranges.
     """
 
     name: str
     arm: Arm
     friction: bool = True
     encoders: bool = True
+    stops: bool = False
 
 
 def machine_of(text: str, arm: Arm) -> Machine:
@@ -56,9 +58,9 @@ def machine_of(text: str, arm: Arm) -> Machine:
     if text == IDEAL:
         return Machine(IDEAL, rigid(arm), friction=False, encoders=False)
     if text == NOMINAL:
-        return Machine(NOMINAL, arm)
+        return Machine(NOMINAL, arm, stops=True)
     if text.isascii() and text.isdecimal() and int(text) <= _LARGEST:
-        return Machine(text, drawn(arm, int(text)))
+        return Machine(text, drawn(arm, int(text)), stops=True)
     raise ModelError(
         f"machine {text!r}: expected {IDEAL}, {NOMINAL}, a number up to {_LARGEST}, whose arm is drawn from the "
         f"tolerances, or a file (*{SUFFIX})"

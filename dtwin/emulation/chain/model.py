@@ -30,7 +30,7 @@ _POSTURES: Final = 16
 
 
 def build(arm: Arm, step: float) -> mujoco.MjModel:
-    """The compiled model: bodies and joints of the chain, stops, viscous friction, rotors, and a load at the tool.
+    """The compiled model: bodies and joints of the chain, viscous friction, rotors, and a load at the tool.
 
     A gear that yields has its motor as a joint of its own behind those of the chain; a tendon between both has its
     stiffness and damping, and no force from the spring over the play.
@@ -85,7 +85,6 @@ def chain_spec(arm: Arm, step: float) -> mujoco.MjSpec:
         made = body.add_joint(name=joint.name, type=kind, axis=joint.axis)
         made.damping = np.array([joint.friction.viscous, 0.0, 0.0])
         made.armature = joint.actuator.rotor or 0.0
-        _add_stops(made, joint)
     load = body.add_body(name=LOAD, pos=arm.tool)
     load.explicitinertial = True
     load.mass, load.inertia = _NOTHING, [_NOTHING] * 3
@@ -93,13 +92,15 @@ def chain_spec(arm: Arm, step: float) -> mujoco.MjSpec:
     return spec
 
 
-def _add_stops(made: mujoco.MjsJoint, joint: Joint) -> None:
-    """Lets a joint go no farther than its stops: an arm without torque falls against them, and not through itself."""
+def put_stops(model: mujoco.MjModel, arm: Arm) -> None:
+    """Lets no joint go farther than its stops: an arm without torque falls against them, and not through itself."""
     turning, sliding = _STOP
-    beyond = turning if joint.turns else sliding * (joint.upper - joint.lower)
-    if np.isfinite(beyond) and joint.upper > joint.lower and np.isfinite([joint.lower, joint.upper]).all():
-        made.limited = mujoco.mjtLimited.mjLIMITED_TRUE
-        made.range = [joint.lower - beyond, joint.upper + beyond]
+    for joint in arm.joints:
+        beyond = turning if joint.turns else sliding * (joint.upper - joint.lower)
+        if joint.upper > joint.lower and np.isfinite([joint.lower, joint.upper]).all():
+            number = model.joint(joint.name).id
+            model.jnt_limited[number] = True
+            model.jnt_range[number] = joint.lower - beyond, joint.upper + beyond
 
 
 def _add_gear(spec: mujoco.MjSpec, joint: Joint, gear: Transmission) -> None:

@@ -15,7 +15,7 @@ from dtwin.emulation.chain.joints.encoders import Encoders
 from dtwin.emulation.chain.joints.failing import Failing
 from dtwin.emulation.chain.joints.friction import JointFriction
 from dtwin.emulation.chain.machine import Machine
-from dtwin.emulation.chain.model import LOAD, Gears, build
+from dtwin.emulation.chain.model import LOAD, Gears, build, put_stops
 from dtwin.emulation.chain.steps.stepping import Stepping
 from dtwin.emulation.stepping import STEP
 from dtwin.errors import DivergenceError
@@ -44,6 +44,8 @@ class ChainPlant:
         arm = machine.arm
         self._arm = arm
         self._model = build(arm, arm.period / STEPS)
+        if machine.stops:
+            put_stops(self._model, arm)
         self._data = mujoco.MjData(self._model)
         self._gears = Gears(arm, self._model, STEPS)
         self._load = self._model.body(LOAD).id
