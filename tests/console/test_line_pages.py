@@ -151,6 +151,7 @@ def test_a_lost_line_is_shown_as_lost(page: Page, served: ServedLine) -> None:
     expect(page.locator("#live")).to_have_text(re.compile("▲ stale: last word [0-9]+ s ago"), timeout=SLOW)
     expect(page.locator("#alarm-line")).to_contain_text("the line has ended, or cannot be reached")
     expect(page.locator("body")).to_have_class("stale")
+    assert not Axe().run(page, options=RULES).response["violations"], "values that are old can still be read"
     page.goto(f"{served.web.address}#zone/c")
     expect(page.get_by_text("There is no zone c.")).to_be_visible()
 

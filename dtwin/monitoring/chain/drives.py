@@ -38,9 +38,10 @@ LOST: Final = 0.6
 """Part of a drive's torque from which a joint may as well be locked."""
 SIZES: Final = {"K": 0.05, "friction": 0.3, "bias": 0.003}
 """Least sizes that are told; of a load and a push they follow from the arm."""
-MOST: Final = {"K": 1.0, "bias": 1.0}
-"""Sizes beyond which there is no such cause: a drive loses all of its torque at most, and what an encoder that is off
-changes is not proportional any more. Only a smaller one can be told as what samples would have shown."""
+MOST: Final = {"K": 1.0, "bias": 0.2}
+"""Sizes beyond which there is no such cause: a drive loses all of its torque at most, and an encoder that is farther
+off has jumped, or what it changes is not proportional any more. Only a smaller one is evidence, and told as what
+samples would have shown."""
 SURE: Final = 0.05
 """Probability beside the most probable cause above which another one is named with it."""
 ALIKE: Final = 0.9
@@ -136,6 +137,7 @@ class Drives:
         self._rest = np.zeros(0), np.zeros((0, n)), np.zeros((0, n))
         self._learned, self._most = 0, list[Array]()
         self._least = np.array([_least(arm, name) for name in self._names])
+        self._largest = np.array([MOST.get(name.rstrip("0123456789"), _UNSEEN) for name in self._names])
         self.bounds, self.alike = list[tuple[int, Array]](), 1.0
         self._count = self._first = 0
         self.alarm: Alarm | None = None
@@ -215,8 +217,7 @@ class Drives:
         for window, bound in self.bounds:
             power = np.einsum("njc,njc->c", self._columns[-window:], self._columns[-window:])
             found = np.minimum(found, np.sqrt(bound / np.maximum(power, _NOTHING)))
-        most = np.array([MOST.get(name.rstrip("0123456789"), _UNSEEN) for name in self._names])
-        sizes = np.where(found < most, np.maximum(found, self._least), np.inf)
+        sizes = np.where(found < self._largest, np.maximum(found, self._least), np.inf)
         sizes *= [self._unit(name) for name in self._names]
         return dict(zip(self._names, sizes.tolist(), strict=True))
 
@@ -267,7 +268,8 @@ class Drives:
             if learns:
                 self._most[k] = np.maximum(self._most[k], ratio[fresh:].max(axis=0))
                 bound = CAUTION * bound
-            enough = (ratio[fresh:] > bound) & (np.abs(size[fresh:]) > self._least)
+            sizes = np.abs(size[fresh:])
+            enough = (ratio[fresh:] > bound) & (sizes > self._least) & (sizes < self._largest)
             enough[: max(0, window - 1 - fresh)] = False  # what is shorter has the bound of a shorter window
             sure = np.flatnonzero(enough.any(axis=1))
             if len(sure) and (best is None or begin + fresh + int(sure[0]) < best.sample):
