@@ -28,7 +28,7 @@ from tests.support.lockstep import Lockstep, on_fortes, on_processes
 CELLS = ROOT / "lines" / "cells"
 PLAN = line_of("default").stations[0]
 DURATION = 90.0
-FAULTS = (("a1", "K2*=0.6@30"), ("a2", "lock2@20"))
+FAULTS = (("a1", "K2*=0.6@30"), ("a2", "lock2@60"))
 """One after which an arm works on with other settings, and one that has operations moved elsewhere."""
 
 
