@@ -205,6 +205,7 @@ def test_another_arm_does_its_work_on_its_twin_with_every_candidate(capsys: pyte
             "--candidate 'T=3': expected a number for pole, observer, speed",
         ),
         (["--arm", "planar-2r", "--pole", "900"], "--pole: expected 1 to 60 rad/s, got 900"),
+        (["--arm", "planar-2r", "--duration", "0"], "--duration: expected above 0 and at most 86400 s, got 0"),
         (["--arm", "planar-2r", "--goal", "blue"], "--goal: has no meaning for another arm than the thesis's"),
         (["--arm", "servo-2r"], "expected a drive commanded in V, N m or A"),
         (["--speed", "1.1"], "--speed: expected --arm with another arm, or --live where one is up"),

@@ -132,11 +132,10 @@ def _slow(arm: Arm) -> list[str]:
 def _lacking(arm: Arm, needed: Array, todo: str) -> list[str]:
     """The joints whose drives give less than is needed, (n,), N m or N, as lines for people with what to do."""
     return [
-        f"joints.{joint.name}: its drive gives {joint.largest:.3g} {unit} at most, and {most:.3g} {unit} are needed "
-        f"{todo}"
+        f"joints.{joint.name}: its drive gives {joint.largest:.3g} {joint.effort_unit} at most, and {most:.3g} "
+        f"{joint.effort_unit} are needed {todo}"
         for joint, most in zip(arm.joints, needed, strict=True)
         if most > joint.largest
-        for unit in (joint.effort_unit,)
     ]
 
 
@@ -151,10 +150,10 @@ def _stiff(arm: Arm) -> list[str]:
         stiffness = joint.actuator.stiffness
         if stiffness is None or joint.speed * arm.period <= joint.largest / stiffness:
             continue
-        unit = joint.unit
         lines.append(
-            f"joints.{joint.name}: its loop gives all of its torque {joint.largest / stiffness:.2g} {unit} off its "
-            f"command, and it goes {joint.speed * arm.period:.2g} {unit} in a tick: shorten period, or lower speed"
+            f"joints.{joint.name}: its loop gives all of its torque {joint.largest / stiffness:.2g} {joint.unit} off "
+            f"its command, and it goes {joint.speed * arm.period:.2g} {joint.unit} in a tick: shorten period, or lower "
+            "speed"
         )
     return lines
 

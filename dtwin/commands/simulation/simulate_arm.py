@@ -38,12 +38,13 @@ def simulate_other(options: Any) -> int:
     base = {name: value for name in _CHANGES if (value := getattr(options, name)) is not None}
     cases = {"base": base, **{text: {**base, **_changes(text)} for text in options.candidate}}
     work = {name: getattr(options, name) for name in ("poses", "path", "sort", "seed")}
+    duration = _USUAL if options.duration is None else options.duration
     outcomes, seconds = {}, {}
     with arguments_as_options(options):
         arm = arm_of(options.arm)
         for name, changes in cases.items():
             began = time.perf_counter()
-            outcomes[name] = simulate_arm(options.arm, options.duration or _USUAL, **changes, **work)
+            outcomes[name] = simulate_arm(options.arm, duration, **changes, **work)
             seconds[name] = time.perf_counter() - began
     if options.json:
         print_json({"candidates": [_figures(name, outcomes[name], seconds[name]) for name in outcomes]})
