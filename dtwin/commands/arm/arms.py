@@ -152,8 +152,8 @@ def _stiff(arm: Arm) -> list[str]:
             continue
         lines.append(
             f"joints.{joint.name}: its loop gives all of its torque {joint.largest / stiffness:.2g} {joint.unit} off "
-            f"its command, and it goes {joint.speed * arm.period:.2g} {joint.unit} in a tick: shorten period, or lower "
-            "speed"
+            f"its command, and it goes {joint.speed * arm.period:.2g} {joint.unit} in a tick: shorten period, or "
+            "lower speed"
         )
     return lines
 
