@@ -201,8 +201,9 @@ class CellOptions(PlantOptions, ControlOptions, OtherArmOptions):
         link = ["--cell", self.cell, "--arm", self.key]
         link += ["--zenoh", str(self.zenoh.resolve())] if self.zenoh else ["--meet", meet]
         turns = self._turns()
+        heard = runfile.heard_of(file)
         if (other := self.other) is not None:
-            return programs_of(other, self, [*link, *turns], console)
+            return programs_of(other, self, [*link, *turns], console, heard)
         programs = []
         management = self.management(file)
         if self.controller.startswith("forte://"):
@@ -243,7 +244,8 @@ class CellOptions(PlantOptions, ControlOptions, OtherArmOptions):
         record = ["--commissioned", str(self.commissioned.resolve())] if self.commissioned else []
         if self.monitoring:
             stop = ["--safe-stop"] if self.safe_stop else []
-            programs.append(_service("monitoring", [*link, *cell, *(record or model), *stop]))
+            keep = ["--heard", str(heard)]
+            programs.append(_service("monitoring", [*link, *cell, *(record or model), *keep, *stop]))
         if self.simulation:
             history = ["--history", str(self.history.resolve())]
             programs.append(_service("simulation", [*link, *cell, *sequence, *record, *history]))
@@ -328,6 +330,7 @@ def launched(options: CellOptions) -> Iterator[Launched]:
         signals(signal.default_int_handler),
         RunFile(options.cell) as file,
         runfile.own_folder(runfile.sockets_of(file.path)),
+        runfile.own_folder(runfile.heard_of(file.path)),
         held_port() as console,
     ):
         file.write_key(key)

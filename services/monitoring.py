@@ -2,8 +2,8 @@
 
 A sample comes with what acted on the arm after it once the few ticks that are told together have passed, or at once
 to a monitor that may stop the arm, as soon as something has begun.
-What is lost on the way is counted and bridged by the monitor. When the service starts again, it starts from the model
-and learns anew. It may ask the function blocks for a safe stop.
+What is lost on the way is counted and bridged by the monitor. When the service starts again, it hears again what it
+has heard before, and so knows what it knew. It may ask the function blocks for a safe stop.
 """
 
 from __future__ import annotations
@@ -26,13 +26,12 @@ from dtwin.bus.messages import (
     TOGETHER,
     VOLTAGES,
     Acted,
+    PassedTick,
     PassedTicks,
 )
 from dtwin.bus.passed import Prompt
 from dtwin.bus.ticks import Tick
-from dtwin.bus.twin_messages import (
-    MonitoringResiduals,
-)
+from dtwin.bus.twin_messages import AcknowledgeRequest, MonitoringResiduals, WatchRequest
 from dtwin.identification.machine.record import read_record
 from dtwin.identification.model import read_model
 from dtwin.monitoring.estimation.belief import Belief, commissioned, data_sheet, identified
@@ -45,6 +44,7 @@ from dtwin.parameters import JointVector, every_joint, joint_vector
 from dtwin.run.options import CellFileOption
 from dtwin.services.parts.readiness.preparation import prepare
 from dtwin.services.parts.stopping.demands import Demands, Failure
+from dtwin.services.parts.watching.heard import Heard
 from dtwin.services.parts.watching.watch import Watch
 from dtwin.services.service import Link, Service, main
 from dtwin.signals import Sensors, Voltages
@@ -56,6 +56,8 @@ UNHEARD: Final[JointVector] = every_joint(0.0)
 """rad: without a model the monitor judges the noise by the readings alone"""
 RESIDUAL_EVERY: Final = 2 * TOGETHER
 """ticks, a multiple of those that are told together"""
+HEARD: Final = PassedTicks, AcknowledgeRequest, WatchRequest
+"""Messages by which a monitor becomes what it is."""
 VERDICT_EVERY: Final = 5 * TOGETHER
 """Ticks, such a multiple too: twice in the time for which a verdict counts."""
 
@@ -72,6 +74,8 @@ class Options(CellFileOption, Link):
     """False alarms to be expected of a healthy arm."""
     safe_stop: bool = False
     """Ask the function blocks to stop the arm when a failure is confirmed."""
+    heard: Path | None = None
+    """Folder, which is there, for what the service hears, from which it knows it again when it is started again."""
 
     def run(self) -> int:
         belief = self._belief()
@@ -79,7 +83,8 @@ class Options(CellFileOption, Link):
         with Service(NAME, self) as service:
             prepare(service, Rehearsal(belief, settings).parts())
             demands = Demands(service.bus) if self.safe_stop else None
-            Monitoring(service, lambda: Monitor(belief, settings), self._words(), demands).run()
+            heard = Heard(self.heard, HEARD)
+            Monitoring(service, lambda: Monitor(belief, settings), self._words(), heard, demands).run()
         return 0
 
     def _words(self) -> str:
@@ -100,11 +105,12 @@ class Monitoring:
         service: frame of the service.
         made: makes a monitor that begins with the model.
         model: model or record of the healthy arm in words.
+        heard: what an earlier process has heard, and where this one keeps what it hears.
         demands: passes failures on to the safe stop; None without it.
     """
 
     def __init__(
-        self, service: Service, made: Callable[[], Monitor], model: str, demands: Demands | None = None
+        self, service: Service, made: Callable[[], Monitor], model: str, heard: Heard, demands: Demands | None = None
     ) -> None:
         self._service = service
         self._watch = Watch(
@@ -112,6 +118,7 @@ class Monitoring:
             made,
             model,
             demands,
+            heard,
             standing=lambda monitor: frozenset(monitor.findings.current),
             failures=lambda monitor: [Failure.of(finding) for finding in monitor.findings.history],
         )
@@ -129,6 +136,7 @@ class Monitoring:
     def run(self) -> None:
         """Works until it is asked to end."""
         service, watch, done = self._service, self._watch, 0
+        watch.recall(self._take)
         service.ready()
         while not service.stopping:
             item = service.next(0.2)
@@ -136,23 +144,41 @@ class Monitoring:
             if isinstance(item, list):
                 self._time = item[-1][0].time
                 if watch.running:
-                    self._follow(item)
+                    self._take(told_together(item))
                     done += len(item)
             else:
                 watch.deal_with(item, self._time)
             if service.report_due() or (done and not before):
                 service.report(watch.state(done), done, time=self._time)
 
+    def _take(self, item: object) -> None:
+        """Takes what the monitor hears."""
+        if isinstance(item, PassedTicks):
+            self._follow([(tick.sensors, tick.acted) for tick in item.ticks])
+            self._watch.keep(item)
+        else:
+            self._watch.deal_with(item, self._time)
+
     def _follow(self, ticks: Sequence[Tick]) -> None:
         monitor, seen, done = self._watch.monitor, samples(ticks), 0
         while done < len(ticks):
             done += monitor.follow(seen.part(slice(done, None)))
             sensors = ticks[done - 1][0]
-            if sensors.sequence % RESIDUAL_EVERY == 0:
+            if sensors.sequence % RESIDUAL_EVERY == 0 and not self._watch.recalling:
                 self._tell_residuals(residuals(sensors.sequence, sensors.theta, monitor))
             if not self._watch.tell_news() and sensors.sequence % VERDICT_EVERY == 0:
                 self._watch.tell_verdict()
         self._prompt.size = TOGETHER if monitor.calm else 1
+
+
+def told_together(ticks: Sequence[Tick]) -> PassedTicks:
+    """Ticks as one message, at most TOGETHER."""
+    return PassedTicks(
+        tuple(
+            PassedTick(sensors, Acted(acted.sequence, acted.time, acted.volts, acted.box_gripped))
+            for sensors, acted in ticks
+        )
+    )
 
 
 def samples(ticks: Sequence[Tick]) -> Samples:

@@ -261,6 +261,11 @@ def journal_of(file: Path) -> Path:
     return file.with_suffix(".journal")
 
 
+def heard_of(file: Path) -> Path:
+    """The folder beside the cell's run file in which the monitor keeps what it hears."""
+    return file.with_suffix(".heard")
+
+
 def sockets_of(file: Path) -> Path:
     """The folder beside the cell's run file in which the embedded controller listens."""
     return file.with_suffix(".ports")

@@ -2,7 +2,7 @@
 
 It learns the arm from its motion first, unless a record of it is given. Ticks that were lost are bridged on a
 straight line if they are few, else what comes afterwards is a stretch of its own. When the service starts again, it
-learns anew.
+hears again what it has heard before, and so knows what it knew.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from dtwin.arm.adjustment import Adjustment
 from dtwin.arm.chain import Array
 from dtwin.bus.chain.messages import JointAdjustment, JointTicks
 from dtwin.bus.messages import ADJUSTED, JOINT_TICKS
+from dtwin.bus.twin_messages import AcknowledgeRequest, WatchRequest
 from dtwin.monitoring.chain.finding import ChainFinding
 from dtwin.monitoring.chain.monitor import ArmMonitor
 from dtwin.monitoring.chain.record import ArmRecord, read_arm_record
@@ -28,12 +29,15 @@ from dtwin.services.chain.options import ArmCellOptions
 from dtwin.services.chain.ticks import Rows
 from dtwin.services.parts.readiness.preparation import prepare
 from dtwin.services.parts.stopping.demands import Demands, Failure
+from dtwin.services.parts.watching.heard import Heard
 from dtwin.services.parts.watching.watch import Watch
 from dtwin.services.service import Link, Service, main
 
 log = logging.getLogger(__name__)
 
 NAME: Final = "monitoring"
+HEARD: Final = JointTicks, JointAdjustment, AcknowledgeRequest, WatchRequest
+"""Messages by which a monitor becomes what it is."""
 AT_ONCE: Final = 20
 """Ticks that are judged together: 0.2 s at 100 Hz."""
 VERDICT_EVERY: Final = 0.4
@@ -50,6 +54,8 @@ class Options(ArmCellOptions, Link):
     """Record of the healthy arm that `dtwin commission` wrote; learned from its motion without one."""
     safe_stop: bool = False
     """Ask the function blocks to stop the arm when a failure is confirmed."""
+    heard: Path | None = None
+    """Folder, which is there, for what the service hears, from which it knows it again when it is started again."""
 
     def run(self) -> int:
         settings = self.settings()
@@ -57,7 +63,7 @@ class Options(ArmCellOptions, Link):
             prepare(service, [("the equations of the arm", lambda: _rehearse(settings))])
             demands = Demands(service.bus) if self.safe_stop else None
             record = None if self.commissioned is None else read_arm_record(self.commissioned, settings.arm)
-            Watching(service, settings, self.healthy, record, demands).run()
+            Watching(service, settings, self.healthy, record, Heard(self.heard, HEARD), demands).run()
         return 0
 
 
@@ -69,6 +75,7 @@ class Watching:
         settings: run of the arm.
         healthy: time in which it is learned, s.
         record: the arm as it was commissioned; None if it is learned.
+        heard: what an earlier process has heard, and where this one keeps what it hears.
         demands: passes failures on to the safe stop; None without it.
     """
 
@@ -78,6 +85,7 @@ class Watching:
         settings: ChainSettings,
         healthy: float,
         record: ArmRecord | None,
+        heard: Heard,
         demands: Demands | None,
     ) -> None:
         self._service = service
@@ -94,6 +102,7 @@ class Watching:
             self._monitor_anew,
             f"{settings.arm.name}, {how}",
             demands,
+            heard,
             standing=lambda monitor: frozenset() if monitor.finding is None else frozenset({monitor.finding.cause}),
             failures=lambda monitor: [self._failure(found) for found in monitor.history],
         )
@@ -104,17 +113,21 @@ class Watching:
     def run(self) -> None:
         """Works until it is asked to end."""
         service, watch = self._service, self._watch
+        watch.recall(self._take)
         service.ready()
         while not service.stopping:
-            item = service.next(0.2)
-            if isinstance(item, JointTicks):
-                self._on_ticks(item)
-            elif isinstance(item, JointAdjustment):
-                self._adjust(item)
-            else:
-                watch.deal_with(item, watch.monitor.time)
+            self._take(service.next(0.2))
             if service.report_due():
                 service.report(watch.state(self._done), self._done, time=watch.monitor.time)
+
+    def _take(self, item: object) -> None:
+        """Takes what comes from the bus, or has come to an earlier process."""
+        if isinstance(item, JointTicks):
+            self._on_ticks(item)
+        elif isinstance(item, JointAdjustment):
+            self._adjust(item)
+        else:
+            self._watch.deal_with(item, self._watch.monitor.time)
 
     def _monitor_anew(self) -> ArmMonitor:
         """A monitor that begins anew, as does what its rows are made from."""
@@ -129,6 +142,7 @@ class Watching:
         if len(now.offset) == len(self._settings.arm) and now != self._adjustment:
             self._adjustment = now
             self._watch.monitor.adjust(now)
+            self._watch.keep(message)
             self._watch.tell_news()
 
     def _on_ticks(self, passed: JointTicks) -> None:
@@ -154,6 +168,7 @@ class Watching:
             if monitor.time >= self._next:
                 self._next = monitor.time + VERDICT_EVERY
                 watch.tell_verdict()
+        watch.keep(passed)
 
     def _failure(self, found: ChainFinding) -> Failure | None:
         if found.kind == "push":

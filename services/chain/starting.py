@@ -132,7 +132,7 @@ def other_arm(options: Any) -> OtherArm | None:
     return OtherArm(key=Path(arm).stem, words=tuple(words))
 
 
-def programs_of(other: OtherArm, options: Any, link: list[str], console: int) -> list[Program]:
+def programs_of(other: OtherArm, options: Any, link: list[str], console: int, heard: Path) -> list[Program]:
     """The services in the order to be started; the blocks run in the bridge.
 
     Args:
@@ -140,6 +140,7 @@ def programs_of(other: OtherArm, options: Any, link: list[str], console: int) ->
         options: options of `dtwin up`.
         link: words that join a service to the bus.
         console: port of the console.
+        heard: folder in which the monitor keeps what it hears.
     """
     lossless = ["--lossless"] if options.pace != "realtime" else []
     programs, waits = [], []
@@ -150,7 +151,8 @@ def programs_of(other: OtherArm, options: Any, link: list[str], console: int) ->
         stop = ["--safe-stop"] if options.safe_stop else []
         healthy = [] if options.healthy is None else ["--healthy", str(options.healthy)]
         known = [] if options.commissioned is None else ["--commissioned", str(options.commissioned.resolve())]
-        programs.append(_service("monitoring", [*link, *other.words, *known, *healthy, *stop]))
+        keep = ["--heard", str(heard)]
+        programs.append(_service("monitoring", [*link, *other.words, *known, *healthy, *keep, *stop]))
     if options.recovery is not None:
         history = history_of(Path(options.history), other.key)
         proposals = history.with_name(f"{history.stem}-proposals.jsonl").resolve()
