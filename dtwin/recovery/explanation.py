@@ -75,6 +75,11 @@ def changed(arm: ArmParameters, healthy: ArmParameters, found: Sequence[Monitore
     return scaled(arm.with_values(values), "K", voltage)
 
 
+def knowing(model: ArmParameters, before: ArmParameters, arm: ArmParameters) -> ArmParameters:
+    """A controller's model of an arm as it was before, with what has changed of the arm."""
+    return model.with_values({name: arm.get(name) for name in PARAMETER_NAMES if arm.get(name) != before.get(name)})
+
+
 def stopping(expected: Sequence[PredictedMotion], target_time: float) -> list[PredictedMotion]:
     """Those of some motions for which the blocks would stop the arm.
 

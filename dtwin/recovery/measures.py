@@ -24,7 +24,7 @@ from dtwin.monitoring.kinds import parse_fault_id
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters, Gains, JointVector, scaled, symbol_of
 from dtwin.recovery.answers import Measure
 from dtwin.recovery.desk import Desk, FindingWithdrawn
-from dtwin.recovery.explanation import TOO_WEAK, Outlook, TooWeak, certain, changed, changing, stopping
+from dtwin.recovery.explanation import TOO_WEAK, Outlook, TooWeak, certain, changed, changing, knowing, stopping
 from dtwin.recovery.margins import LATE, control_settings, gains_with_margins, settings_for_late, stiffer_with_margins
 from dtwin.recovery.refit import estimated, refitted
 from dtwin.recovery.strength import Strength, usual_boxes
@@ -137,12 +137,13 @@ class Measures:
         return self.foresee(found)
 
     def foresee(self, found: Sequence[MonitoredUnit]) -> Outlook | None:
-        """What an arm with what was found can do with other settings, None if it is as it is known."""
+        """What an arm with what was found can do with other settings that know it, None if it is as it is known."""
         arm, in_force = self._changed(found), self._desk.settings()
         if arm == self._arm:
             return None
         try:
-            tuned = self._tuned(in_force, arm, self.boxes, self._expecting(arm), (1.0,))
+            expect = self._expecting(arm, knowing(in_force.model, self._arm, arm))
+            tuned = self._tuned(in_force, arm, self.boxes, expect, (1.0,))
         except TooWeak as weak:
             return Outlook(str(weak), self._surely_weak(found))
         return Outlook(f"the arm can work with {tuned.target_time:.3g} s a motion")
@@ -195,8 +196,7 @@ class Measures:
         margins with the model get lower ones. What comes first has to keep its margins with the old model, too.
         """
         desk, in_force = self._desk, self._desk.settings()
-        changed = {name: arm.get(name) for name in PARAMETER_NAMES if arm.get(name) != self._arm.get(name)}
-        model = in_force.model.with_values(changed)
+        model = knowing(in_force.model, self._arm, arm)
         expect = self._expecting(arm, model)
         weak = bool(self._beyond_strength(arm, max(self.boxes)))
         now = msgspec.structs.replace(in_force, model=model)

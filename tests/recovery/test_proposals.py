@@ -103,6 +103,15 @@ def test_nothing_moves_without_an_approval(cell: BookedCell) -> None:
     assert proposed.request.why.startswith(f"refit: the model can have the torque that there is; {foreseen}; K3")
 
 
+def test_what_an_arm_can_do_is_told_of_a_controller_that_knows_it(cell: BookedCell) -> None:
+    """One that goes on with the old model loses its paths: that is no answer, as the answer is the new model."""
+    cell.refits["K2"] = 0.85 * HEALTHY.get("K2")
+    cell.found["K2"] = (20.0, -0.15, 0.001)
+    cell.worse = lambda request: 9.0 if request.arm != HEALTHY and request.model != request.arm else 1.0
+    cell.watch()
+    assert "then the arm can work with 2 s a motion" in cell.seen()[0].request.why
+
+
 def test_an_arm_that_cannot_hold_its_boxes_is_stopped_and_nobody_asked(cell: BookedCell) -> None:
     cell.found["K2"] = (20.0, -0.3, 0.001)
     cell.watch()

@@ -125,9 +125,7 @@ def test_the_monitor_of_another_arm_learns_it_names_a_fault_and_has_it_stopped(d
         assert "drive of shoulder" in desk.run("status")
         os.kill(desk.find("dtwin.services.chain.monitoring"), signal.SIGKILL)
         until(lambda: any(event.kind == "restored" for event in events), "another process takes its place", 60.0)
-        assert bus.ask(ACKNOWLEDGE, None, MonitoringVerdict).units["joint 1"] == unit, (
-            "it knows what that one knew"
-        )
+        assert bus.ask(ACKNOWLEDGE, None, MonitoringVerdict).units["joint 1"] == unit, "it knows what that one knew"
         assert "no finding 'K2': expected K1" in desk.run("monitor", "acknowledge", "K2", status=2)
         assert "joint 1   not commissioned" in desk.run("monitor", "acknowledge", "K1")
     assert desk.run("release").startswith("none")
