@@ -20,7 +20,7 @@ from dtwin.monitoring.estimation.arrays import Change
 from dtwin.monitoring.estimation.estimator import HANDLING, Estimator
 from dtwin.monitoring.estimation.layout import ARM, INDEX, MOVING, PAYLOAD, TORQUE, W
 from dtwin.monitoring.estimation.traces import STANDSTILL
-from dtwin.monitoring.kinds import BIAS, DRIFT, SCALE, UNKNOWN, FaultId, reference
+from dtwin.monitoring.kinds import BIAS, DRIFT, LATE, SCALE, UNKNOWN, FaultId, reference
 from dtwin.monitoring.signatures import Onset
 from dtwin.monitoring.tracking.moments import Moment, Moments
 
@@ -284,6 +284,13 @@ class Candidate:
         found = cls(fault, onset, sizes)
         found.estimator.burden(deviation, *joints)
         found.everywhere = len(joints) > 1
+        return found
+
+    @classmethod
+    def unsteady(cls, onset: Onset, sizes: dict[str, float], deviation: float) -> Candidate:
+        """That commands come late since an onset, each by another time (samples): some are lost on the way."""
+        found = cls(FaultId(LATE), onset, sizes)
+        found.estimator.unsteady = deviation
         return found
 
     def _moved(self, name: str) -> str:

@@ -14,16 +14,7 @@ from typing import Final, Literal
 
 from dtwin.monitoring.candidate import AT_ONCE, Candidate, Conclusion
 from dtwin.monitoring.hypotheses import OF_ENCODER, PAIRED, changes, lawless, pairs, stopped_at_rest, stops, weakens
-from dtwin.monitoring.kinds import (
-    BIAS,
-    DRIFT,
-    FREEZE,
-    LOCK,
-    MU,
-    SUPPLY,
-    UNKNOWN,
-    FaultId,
-)
+from dtwin.monitoring.kinds import BIAS, DRIFT, FREEZE, LOCK, MU, SUPPLY, UNKNOWN, FaultId
 from dtwin.monitoring.sensing.resting import Resting
 from dtwin.monitoring.sensing.stopped import StandsStill
 from dtwin.monitoring.signatures import SOONER, Onset, Suspicion
@@ -60,6 +51,8 @@ _HOPELESS: Final = 25.0
 """log-likelihood behind the best at which a candidate is given up"""
 _LOOK: Final = 10
 """samples after which a reading that is repeated is looked at again"""
+_BESIDE: Final = 10
+"""samples between two onsets from which on torques without a law are tried at one for the other as well"""
 _SUDDEN: Final = 4
 """samples in which it shows that no cause explains the motion any more"""
 
@@ -118,6 +111,7 @@ class Diagnosis:
         self._pairs: list[Candidate] = []
         self._paired: Literal["no", "weaker", "all"] = "no"
         self._tried: set[tuple[str, ...]] = set()
+        self._opposed = {each.onset.sample for each in self.candidates if each.fault.kind == UNKNOWN}
         self._jumped: dict[FaultId, Candidate] = {}
         self._lately: deque[Conclusion] = deque(maxlen=_SUDDEN)
         self._resting = Resting()
@@ -249,7 +243,7 @@ class Diagnosis:
             return stopped
         if top.misfit > self._misfit:
             return found._replace(candidate=self._unknown(top.onset, top.fault.joint or 1, 1, 2, 3))
-        if not top.changes():
+        if not top.changes() or top.estimator.unsteady:
             return found
         again = self._caught_up(top.again(self._sizes))
         return found._replace(candidate=max(top, again, key=lambda either: either.gain))
@@ -343,6 +337,7 @@ class Diagnosis:
         if self.certain or self._paired == "all":
             return
         best = self.best()[0]
+        self._oppose(best)
         self._pair_jumps(best)
         if best.misfit > self._misfit and self._sample - self.alarm >= LEAST:
             self._paired = "all"
@@ -350,6 +345,15 @@ class Diagnosis:
         elif self._paired == "no" and best.fault.kind == SUPPLY:
             self._paired = "weaker"
             self._pairs += [pair for pair in pairs(self._likely, self._sizes, self.alarm) if weakens(pair)]
+
+    def _oppose(self, best: Candidate) -> None:
+        """Has the likeliest cause held against torques without a law since the same onset: since a later one they
+        would have to explain less, and could be no match for it."""
+        sample, joint = best.onset.sample, best.fault.joint or 1
+        if all(abs(sample - tried) > _BESIDE for tried in self._opposed):
+            self._opposed.add(sample)
+            torques = lawless(joint, best.onset, self._sizes)
+            self._pairs += [each for each in torques if each.everywhere or each.fault.joint == joint]
 
     def _pair_jumps(self, best: Candidate) -> None:
         """Has tried that an encoder jumped, as one sample has shown, beside a change of another joint, which cannot

@@ -13,6 +13,7 @@ from dtwin.monitoring.kinds import (
     FREEZE,
     JUMPS,
     KINDS,
+    LATE,
     LOCK,
     PUSH,
     SCALE,
@@ -48,6 +49,8 @@ _STEPS: Final = 2
 LAWLESS: Final = (0.01, 0.03, 0.1, 0.3)
 """Standard deviations of torques without a law on one joint, or on all, that a cause has to explain the motion better
 than, N m: what a cable pulls, what cogs and what fades look like many causes for a while, and like none for long"""
+_UNSTEADY: Final = (0.2, 0.4)
+"""Standard deviations of the delay of commands of which some are lost, samples: those of 4 % and of 20 %"""
 _WEAKER: Final = ("K", "D", "mu")
 """kinds of what makes a joint weaker"""
 OF_ENCODER: Final = (BIAS, DRIFT)
@@ -82,6 +85,8 @@ def changes(
     hypotheses += [(FaultId(FREE), onset) for onset in onsets if locked]
     found = [Candidate(fault, onset, sizes) for fault, onset in hypotheses]
     found += lawless(likely[0].fault.joint or 1, onsets[0], sizes)
+    late = [onset for s in likely if s.fault.kind == LATE for onset in (s.onset, *s.others)]
+    found += [Candidate.unsteady(onset, sizes, deviation) for onset in late for deviation in _UNSTEADY]
     slipping = [(fault, onset) for fault, onset in hypotheses if fault.kind == SCALE]
     found += [Candidate(fault, onset, sizes, slips=True) for fault, onset in slipping]
     where = [(s.fault.joint, s.onset) for s in likely if s.fault.kind in OF_ENCODER and s.onset.gap > 1]

@@ -21,7 +21,7 @@ from dtwin.emulation.machine.sections import Sensing
 from dtwin.identification.machine.record import EncoderCheck
 from dtwin.parameters import ArmParameters, JointVector
 from dtwin.run.loop import run, tick_count
-from dtwin.signals import STOPS, StepRecord
+from dtwin.signals import STOPS, StepRecord, Voltages
 from dtwin.simulation.proposal import repeats, with_rotors
 from evidence.experiment import SeriesCommand
 from evidence.recovery.expected import made_of
@@ -56,6 +56,7 @@ class FrozenOutcome(msgspec.Struct, frozen=True):
         stopped_s: time from there to the stop, s; None if there was none.
         torque_off_s: time from there until the torque was taken off, s; None if it was not.
         fastest: largest true velocity of a joint since, rad/s.
+        falling: the same of the same arm whose motors get no voltage from its stop on, rad/s: what gravity does.
         moved: largest true motion of a joint since the arm counted as standing, rad.
         lost: number of boxes that lie at no place of theirs at the end.
     """
@@ -67,6 +68,7 @@ class FrozenOutcome(msgspec.Struct, frozen=True):
     stopped_s: float | None
     torque_off_s: float | None
     fastest: float
+    falling: float
     moved: float
     lost: int
 
@@ -82,10 +84,15 @@ def freeze(trial: Frozen) -> FrozenOutcome:
     Raises:
         DtwinError: the work failed.
     """
+    return msgspec.structs.replace(_ran(trial, True), falling=_ran(trial, False).fastest)
+
+
+def _ran(trial: Frozen, powered: bool) -> FrozenOutcome:
+    """What came of one run, whose motors get voltages after its stop or none; `falling` is not known yet."""
     machine = machine_of(str(trial.number))
     arm, effects = made_of(machine, ArmParameters())
     fault = parse_fault(f"freeze{trial.joint}@{trial.moment:.2f}")
-    plant = Emulation(machine=machine, seed=trial.seed, faults=(fault,))
+    plant = _Plant(machine=machine, seed=trial.seed, faults=(fault,))
     known = ControlSettings(
         law="cascade", model=with_rotors(arm, effects), compensation=known_encoders(machine.sensing)
     )
@@ -103,6 +110,7 @@ def freeze(trial: Frozen) -> FrozenOutcome:
         fastest = max(fastest, *map(abs, step.truth.omega))
         stop = STOPS[int(stop_now()[0])]
         if stop != "none":
+            plant.powered = powered
             times.setdefault("any", time - trial.moment)
             times.setdefault(stop, time - trial.moment)
         if stop in ("standstill", "torque off"):
@@ -118,9 +126,21 @@ def freeze(trial: Frozen) -> FrozenOutcome:
         times.get("any"),
         times.get("torque off"),
         fastest,
+        math.nan,
         moved,
         plant.box_counts.misplaced,
     )
+
+
+class _Plant(Emulation):
+    """An emulation whose motors can be made to get no voltage, whatever they are told."""
+
+    powered = True
+
+    def apply(self, voltages: Voltages) -> None:
+        first, second, third, jaws = voltages.volts
+        on = float(self.powered)
+        super().apply(msgspec.structs.replace(voltages, volts=(on * first, on * second, on * third, jaws)))
 
 
 def known_encoders(sensing: Sensing) -> Compensation:
@@ -162,13 +182,14 @@ def frozen_report(found: Sequence[FrozenOutcome]) -> Report:
     rows.append(["all", "", *_cells(found)])
     header = [
         *("encoder", "box held", "runs", "stopped", "held to the end", "torque off"),
-        *("faster than 6 rad/s", "fastest, rad/s", "boxes lost"),
+        *("faster than 6 rad/s", "without torque", "fastest, rad/s", "without torque", "boxes lost"),
     ]
     return page(
         "Encoders that stop",
         f"Every encoder of {len({one.number for one in found})} drawn machines stops at {len(MOMENTS)} moments of a"
         " motion, under the function blocks alone, whose controller knows the arm and its encoders. Held: stopped,"
-        f" with torque, and no joint moved by more than {HELD:g} rad in {WATCHED:g} s.",
+        f" with torque, and no joint moved by more than {HELD:g} rad in {WATCHED:g} s. Without torque: the same runs,"
+        " whose motors get no voltage from the stop on.",
         table(header, rows),
     )
 
@@ -180,7 +201,9 @@ def _cells(runs: Sequence[FrozenOutcome]) -> list[str]:
         str(sum(one.held for one in runs)),
         str(sum(one.torque_off_s is not None for one in runs)),
         str(sum(one.fastest > FAST for one in runs)),
+        str(sum(one.falling > FAST for one in runs)),
         f"{max(one.fastest for one in runs):.1f}",
+        f"{max(one.falling for one in runs):.1f}",
         str(sum(one.lost for one in runs)),
     ]
 

@@ -21,6 +21,7 @@ def test_an_arm_whose_codes_repeat_also_when_they_are_healthy_is_held_where_one_
     found = freeze(Frozen(73505, 1, 3, moment))
     assert found.held
     assert found.fastest < FAST
+    assert found.falling > found.fastest
 
 
 @pytest.mark.parametrize(
@@ -35,10 +36,14 @@ def test_a_stopped_encoder_is_known_after_a_few_samples_of_motion(trial: Frozen)
 
 
 def test_the_page_counts_runs_by_encoder_and_box() -> None:
-    held = FrozenOutcome(7, 1, 12.3, True, 0.12, None, 3.0, 0.01, 0)
-    fell = FrozenOutcome(7, 1, 13.0, True, 0.12, 1.5, 8.0, 2.0, 1)
-    sank = FrozenOutcome(7, 3, 14.8, False, 0.2, None, 3.0, 0.5, 0)
+    held = FrozenOutcome(7, 1, 12.3, True, 0.12, None, 3.0, 7.0, 0.01, 0)
+    fell = FrozenOutcome(7, 1, 13.0, True, 0.12, 1.5, 8.0, 9.0, 2.0, 1)
+    sank = FrozenOutcome(7, 3, 14.8, False, 0.2, None, 3.0, 5.0, 0.5, 0)
     assert [one.held for one in (held, fell, sank)] == [True, False, False]
     text = frozen_report([held, fell, sank]).text
-    for row in ("1  yes  2  2  1  1  1  8.0  1", "3  no  1  1  0  0  0  3.0  0", "all  3  3  1  1  1  8.0  1"):
+    for row in (
+        "1  yes  2  2  1  1  1  2  8.0  9.0  1",
+        "3  no  1  1  0  0  0  0  3.0  5.0  0",
+        "all  3  3  1  1  1  2  8.0  9.0  1",
+    ):
         assert row.split() in [line.replace("|", " ").split() for line in text.splitlines()]

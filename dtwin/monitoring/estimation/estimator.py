@@ -30,6 +30,7 @@ from dtwin.monitoring.estimation.layout import (
     BIAS,
     DRIFT,
     INDEX,
+    LATE,
     MOVING,
     PAYLOAD,
     SIZE,
@@ -77,6 +78,8 @@ class Estimator:
         handling: (5,), see `kernels.disturb`.
         box_mass: mass that a box is expected to have when it is gripped, kg.
         payload_variance: variance of that mass, kg^2.
+        unsteady: standard deviation of the delay of the commands from sample to sample, since some are lost, samples;
+            what the delay has changed by is told as a root mean square then.
     """
 
     def __init__(self, belief: Belief, tuning: Tuning) -> None:
@@ -98,7 +101,7 @@ class Estimator:
         self._swing = np.zeros(3)
         self._compliance = np.array(error.compliance)
         self._grip, self._displacement, self._timing = error.grip, error.displacement, error.timing
-        self._locked = 0
+        self._locked, self.unsteady = 0, 0.0
         self._growth = np.full(3, PERIOD)
         self._scaled: list[int] = []
         self._least, self._most = bounds(arm, self._motion.arrays(False).rigid)
@@ -147,6 +150,9 @@ class Estimator:
         kernels.relate(self.P, self.x, self._scaled, -1.0)
         kernels.predict(self.P, self.F, torque, displaced, slowed, self._walk, self.memory, self._growth)
         kernels.relate(self.P, self.x, self._scaled, 1.0)
+        if self.unsteady:
+            by_delay = self.unsteady * self.F[:, LATE]
+            self.P[:ARM, :ARM] += np.outer(by_delay, by_delay)
 
     def freed(self, joint: int, volts: Array, gripped: bool) -> float:
         """The speed that a locked joint (1 to 3) would have after one period if it were free, rad/s."""
@@ -157,21 +163,9 @@ class Estimator:
 
     def correct(self, measured: Array, used: NDArray[np.bool_]) -> float:
         """Takes in a sample, (3,) rad; returns the logarithm of the likelihood of the readings used."""
-        likelihood: float = kernels.correct(
-            self.x,
-            self.P,
-            measured - self._motion.eccentricity(self.x[:W]),
-            self._noise,
-            self._clip,
-            used,
-            self._lower,
-            self._upper,
-            self.gains,
-            self.innovation,
-            self.variance,
-            self.score,
-            self.information,
-        )
+        before = self.x, self.P, measured - self._motion.eccentricity(self.x[:W]), self._noise, self._clip, used
+        found = self.gains, self.innovation, self.variance, self.score, self.information
+        likelihood: float = kernels.correct(*before, self._lower, self._upper, *found)
         if self._cloned:
             changed = self._clones, self._C, self._B, self.F, self.gains, self.score, self.variance
             kernels.follow_clones(*changed, used, self.memory, self._growth)
@@ -210,7 +204,7 @@ class Estimator:
     @property
     def plain(self) -> bool:
         """Whether all that a sample changes is in `arrays` and `motion_arrays`: nothing is wrong that is known."""
-        return not (self._locked or self._scaled or self._cloned)
+        return not (self._locked or self._scaled or self._cloned or self.unsteady)
 
     def arrays(self) -> FilterArrays:
         """What the kernels of a sample work with, of a plain estimator; its own."""
@@ -360,6 +354,8 @@ class Estimator:
         place, index = self._cloned.index(name), INDEX[name]
         value, before = np.clip((self.x[index], self._clones[place]), self._least[index], self._most[index])
         variance = self.P[index, index] - 2.0 * self._C[index, place] + self._B[place]
+        if index == LATE:
+            value = math.hypot(value, self.unsteady)
         return Change(float(before), float(value), float(max(variance, 0.0) ** 0.5))
 
     def evidence(self) -> Evidence:
