@@ -61,48 +61,91 @@ class Message:
     values: Values
 
 
-class TroubledDevices:
-    """The blocks of a line, each on the resource of its device, which end and freeze, and messages between them.
+class Messages:
+    """Messages on their way between devices.
 
     Args:
-        line: the line.
-        generator: draws what is troubled.
+        generator: draws which are troubled.
 
     Attributes:
-        devices: names of the devices.
-        trouble: what happens to messages now, None for nothing.
+        trouble: what happens to them now, None for nothing.
         share: share of them that it happens to.
         news: number of messages so far that say something else than the one before them to the same port.
         loses: number of the one of these that is lost, -1 for none.
     """
 
-    def __init__(self, line: Line, generator: np.random.Generator) -> None:
-        self._library = Library([BLOCKS])
-        whole = self._library.complete(system(line))
-        self.devices = [device.name for device in whole.devices]
-        self._networks = {name: resource_network(whole, f"{name}.{RESOURCE}") for name in self.devices}
-        self._servers = servers(line)
-        self._generator = generator
-        self._local = LocalTransport()
-        self._resources: dict[str, Resource] = {}
-        self._ports: dict[str, tuple[str, CommunicationPort, list[tuple[Any, ...]]]] = {}
-        self._opened: dict[str, list[CommunicationPort]] = {}
-        self._frozen: set[str] = set()
-        self._waiting: deque[Message] = deque()
-        self._held: deque[Message] = deque()
-        self._late: deque[Message] = deque()
-        self._spared: dict[str, int] = {}
-        self._said: dict[CommunicationPort, tuple[Any, ...]] = {}
+    def __init__(self, generator: np.random.Generator) -> None:
         self.trouble: Trouble | None = None
         self.share = 0.0
         self.news, self.loses = 0, -1
-        for name in self.devices:
+        self._generator = generator
+        self._waiting: deque[Message] = deque()
+        self._late: deque[Message] = deque()
+        self._said: dict[CommunicationPort, tuple[Any, ...]] = {}
+
+    def send(self, message: Message) -> None:
+        """Takes a message, and may lose it, tell it twice or keep it for later."""
+        values = tuple(message.values)
+        if self._said.get(message.port) != values:
+            self._said[message.port] = values
+            self.news += 1
+            if self.news == self.loses:
+                return
+        if self.trouble is None or self._generator.random() >= self.share:
+            self._waiting.append(message)
+        elif self.trouble == "late":
+            self._late.append(message)
+        elif self.trouble == "twice":
+            self._waiting.extend((message, message))
+
+    def bring(self, messages: Sequence[Message]) -> None:
+        """Takes messages that are told now, whatever happens to others."""
+        self._waiting.extend(messages)
+
+    def next(self) -> Message | None:
+        """The one that has waited longest, None if there is none."""
+        return self._waiting.popleft() if self._waiting else None
+
+    def well(self) -> None:
+        """Ends the trouble, and brings what was kept for later."""
+        self.trouble = None
+        self._waiting.extend(self._late)
+        self._late.clear()
+
+
+class TroubledDevices:
+    """The blocks of a line, each on the resource of its device; these end and freeze.
+
+    Args:
+        line: the line.
+        generator: draws what is troubled, and for how long a device that did not answer is not asked.
+
+    Attributes:
+        names: names of the devices.
+        messages: what is on its way between them.
+    """
+
+    def __init__(self, line: Line, generator: np.random.Generator) -> None:
+        self._library = Library([BLOCKS])
+        whole = self._library.complete(system(line))
+        self.names = [device.name for device in whole.devices]
+        self.messages = Messages(generator)
+        self._networks = {name: resource_network(whole, f"{name}.{RESOURCE}") for name in self.names}
+        self._servers = set(servers(line))
+        self._generator = generator
+        self._local = LocalTransport()
+        self._resources: dict[str, Resource] = {}
+        self._opened: dict[str, list[CommunicationPort]] = {}
+        self._ports: dict[str, tuple[str, CommunicationPort, list[tuple[Any, ...]]]] = {}
+        self._frozen: dict[str, list[Message]] = {}
+        self._spared: dict[str, int] = {}
+        for name in self.names:
             self.begin(name)
 
     def begin(self, name: str) -> None:
         """Starts a device, which knows nothing."""
         resource = self._resources[name] = Resource(self._networks[name], self._library, _Way(self, name))
-        for block in set(self._servers) & set(resource.states()):
+        for block in self._servers & set(resource.states()):
             answers: list[tuple[Any, ...]] = []
             port = resource.port(block)
             port.attach(answers.append)
@@ -115,50 +158,20 @@ class TroubledDevices:
         del self._resources[name]
         for port in self._opened.pop(name, ()):
             port.close()
-        for queue in (self._held, self._late):
-            kept = [message for message in queue if message.device != name]
-            queue.clear()
-            queue.extend(kept)
 
     def freeze(self, name: str) -> None:
         """Lets a device stand; what comes waits in front of it."""
-        self._frozen.add(name)
+        self._frozen[name] = []
 
     def thaw(self, name: str) -> None:
         """Lets it go on with all that has come meanwhile, however old it is."""
-        self._frozen.discard(name)
-        held = list(self._held)
-        self._held.clear()
-        for message in held:
-            (self._waiting if message.device == name else self._held).append(message)
+        self.messages.bring(self._frozen.pop(name))
         self._settle()
 
     def open(self, name: str, port: CommunicationPort) -> Channel:
         """Opens a channel for a block of a device."""
         self._opened.setdefault(name, []).append(port)
-        return self._local.open(port, lambda values: self._send(Message(name, port, values)))
-
-    def release(self) -> None:
-        """Hands over what was held back."""
-        self._waiting.extend(self._late)
-        self._late.clear()
-        self._settle()
-
-    def _send(self, message: Message) -> None:
-        """Takes a message, and may lose it, tell it twice or keep it for later."""
-        values = tuple(message.values)
-        if self._said.get(message.port) != values:
-            self._said[message.port] = values
-            self.news += 1
-            if self.news == self.loses:
-                return
-        troubled = self.trouble is not None and self._generator.random() < self.share
-        if not troubled:
-            self._waiting.append(message)
-        elif self.trouble == "late":
-            self._late.append(message)
-        elif self.trouble == "twice":
-            self._waiting.extend((message, message))
+        return self._local.open(port, lambda values: self.messages.send(Message(name, port, values)))
 
     def exchange(self, block: str, values: Sequence[Any]) -> tuple[Any, ...]:
         """The answer of a block. Raises CommunicationError: it does not come, or it is not asked yet."""
@@ -166,14 +179,12 @@ class TroubledDevices:
         if self._spared.get(block):
             self._spared[block] -= 1
             raise CommunicationError(f"{block} is not asked yet")
-        if name in self._frozen and name in self._resources:
-            self._held.append(Message(name, port, tuple(values)))
-        elif name in self._resources:
-            answers.clear()
-            port.deliver(values)
+        answers.clear()
+        if name in self._resources:
+            self.messages.bring([Message(name, port, tuple(values))])
             self._settle()
-            if answers:
-                return answers[-1]
+        if answers:
+            return answers[-1]
         self._spared[block] = int(self._generator.integers(0, _SPARED + 1))
         raise CommunicationError(f"{block} does not answer")
 
@@ -188,11 +199,11 @@ class TroubledDevices:
             for name, resource in self._resources.items():
                 if name not in self._frozen and not resource.is_idle:
                     resource.run_until_idle()
-            if not self._waiting:
+            message = self.messages.next()
+            if message is None:
                 return
-            message = self._waiting.popleft()
             if message.device in self._frozen:
-                self._held.append(message)
+                self._frozen[message.device].append(message)
             elif message.device in self._resources and message.port.is_open:
                 message.port.deliver(message.values)
         raise CommunicationError(f"the devices of the line do not come to rest within {_MESSAGES} messages")
@@ -275,7 +286,7 @@ def troubled(trial: LossTrial) -> LossOutcome:
     run = _Run(line_of(trial.line), generator)
     run.work(FILLING + (0.0 if trial.loses else _AGAIN * float(generator.random())))
     if trial.loses:
-        run.devices.loses = run.devices.news + trial.loses
+        run.devices.messages.loses = run.devices.messages.news + trial.loses
     told = [_trouble(run, generator) for _ in range(trial.troubles)]
     before, plant = len(run.plant.left), run.plant
     run.work(AFTERWARDS)
@@ -286,7 +297,7 @@ def troubled(trial: LossTrial) -> LossOutcome:
 def _trouble(run: _Run, generator: np.random.Generator) -> str:
     """One trouble, and some time after it; what it was."""
     devices, began = run.devices, run.plant.time
-    name, trouble = str(generator.choice(devices.devices)), TROUBLES[int(generator.integers(len(TROUBLES)))]
+    name, trouble = str(generator.choice(devices.names)), TROUBLES[int(generator.integers(len(TROUBLES)))]
     seconds = float(generator.choice(_LENGTHS))
     if trouble == "ended":
         devices.end(name)
@@ -298,10 +309,9 @@ def _trouble(run: _Run, generator: np.random.Generator) -> str:
         devices.thaw(name)
     else:
         name = "messages"
-        devices.trouble, devices.share = trouble, float(generator.choice(_SHARES))
+        devices.messages.trouble, devices.messages.share = trouble, float(generator.choice(_SHARES))
         run.work(seconds)
-        devices.trouble = None
-        devices.release()
+        devices.messages.well()
     run.work(_AGAIN * float(generator.random()))
     return f"{began:.1f} s: {name} {trouble} for {seconds:g} s"
 
@@ -311,9 +321,9 @@ def news_within(line: str, seconds: float) -> int:
     """Number of messages between devices that say something new, in a time from the end of the filling on."""
     run = _Run(line_of(line), np.random.default_rng(0))
     run.work(FILLING)
-    before = run.devices.news
+    before = run.devices.messages.news
     run.work(seconds)
-    return run.devices.news - before
+    return run.devices.messages.news - before
 
 
 @dataclass(frozen=True)

@@ -26,15 +26,15 @@ def goes_on(run: _Run, seconds: float, least: int) -> None:
 
 
 def busiest(devices: TroubledDevices) -> str:
-    return next(name for name in devices.devices if name.startswith("ZONE"))
+    return next(name for name in devices.names if name.startswith("ZONE"))
 
 
 @pytest.mark.parametrize("seconds", [44.0, 52.0, 63.0])
 def test_an_order_that_is_lost_is_told_again(seconds: float) -> None:
     run = begun(seconds)
-    run.devices.trouble, run.devices.share = "lost", 0.5
+    run.devices.messages.trouble, run.devices.messages.share = "lost", 0.5
     run.work(4.0)
-    run.devices.trouble = None
+    run.devices.messages.well()
     goes_on(run, 120.0, 3)
 
 
@@ -51,14 +51,13 @@ def test_a_zone_that_begins_anew_learns_from_vehicles_which_boxes_they_have() ->
     goes_on(run, 120.0, 3)
 
 
-def test_vehicles_whose_control_begins_anew_bring_their_boxes_where_they_belong() -> None:
-    run = begun(40.0)
-    while not run.plant.vehicles["a_agv1"].box:
-        run.work(0.1)
-    run.devices.end("VEHICLES_A")
+@pytest.mark.parametrize(("device", "seconds"), [("VEHICLES_B", 56.0), ("VEHICLES_A", 45.0)])  # with boxes in them
+def test_vehicles_whose_control_begins_anew_bring_their_boxes_where_they_belong(device: str, seconds: float) -> None:
+    run = begun(seconds)
+    run.devices.end(device)
     run.work(1.0)
-    run.devices.begin("VEHICLES_A")
-    goes_on(run, 120.0, 3)
+    run.devices.begin(device)
+    goes_on(run, 100.0, 3)
 
 
 def test_equal_seeds_give_equal_troubles() -> None:
