@@ -70,7 +70,7 @@ class Messages:
     Attributes:
         trouble: what happens to them now, None for nothing.
         share: share of them that it happens to.
-        news: number of messages so far that say something else than the one before them to the same port.
+        news: number of messages so far that say something else than the one of the same event before them.
         loses: number of the one of these that is lost, -1 for none.
     """
 
@@ -81,13 +81,14 @@ class Messages:
         self._generator = generator
         self._waiting: deque[Message] = deque()
         self._late: deque[Message] = deque()
-        self._said: dict[CommunicationPort, tuple[Any, ...]] = {}
+        self._said: dict[tuple[CommunicationPort, Any], tuple[Any, ...]] = {}
 
     def send(self, message: Message) -> None:
         """Takes a message, and may lose it, tell it twice or keep it for later."""
         values = tuple(message.values)
-        if self._said.get(message.port) != values:
-            self._said[message.port] = values
+        what = message.port, values[0]
+        if self._said.get(what) != values:
+            self._said[what] = values
             self.news += 1
             if self.news == self.loses:
                 return

@@ -1,5 +1,7 @@
 """A line whose messages are lost and whose devices begin anew: no zone is left standing, no box leaves unfinished."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 
@@ -23,6 +25,10 @@ def goes_on(run: _Run, seconds: float, least: int) -> None:
     run.work(seconds)
     assert len(plant.left) - before >= least
     assert (plant.lost, plant.collisions, plant.unfinished) == (0, 0, 0)
+
+
+def several(first: int, count: int) -> range:
+    return range(first, first + count)
 
 
 def busiest(devices: TroubledDevices) -> str:
@@ -85,7 +91,7 @@ def test_a_line_that_stands_or_loses_something_is_not_kept() -> None:
 def test_lines_at_ports_of_their_own_are_at_addresses_of_their_own() -> None:
     hosts = []
     for first in (40000, 40300):
-        whole = at_ports(system(LINE), lambda count, first=first: range(first, first + count))
+        whole = at_ports(system(LINE), partial(several, first))
         hosts.append({management_address(device).rpartition(":")[0] for device in whole.devices})
     assert [len(each) for each in hosts] == [1, 1]
     assert hosts[0] != hosts[1]
