@@ -41,6 +41,9 @@ COMMANDS: Final[dict[str, Subcommand]] = {
     "experiment line-kills": Subcommand(
         "evidence.line.kills", "ExperimentLineKills", "end and freeze the processes that control a line; report"
     ),
+    "experiment line-losses": Subcommand(
+        "evidence.line.losses", "ExperimentLineLosses", "lose messages of a line's control, end its devices; report"
+    ),
     "experiment line-outages": Subcommand(
         "evidence.line.outages", "ExperimentLineOutages", "end, freeze and cut off the twins of a line; report"
     ),

@@ -329,7 +329,7 @@ class Control:
             for planned in zone.vehicles:
                 vehicle = plant.vehicles[planned.name]
                 sample = vehicle.sample()
-                values = (sample.at, sample.standing, sample.loaded, sample.battery)
+                values = (sample.at, sample.standing, plant.tag(vehicle.box), sample.battery)
                 if answer := self._ask(plant_of(planned.name), values):
                     vehicle.obey(VehicleCommand(*answer))
             self._ask(plant_of(zone.name), (plant.entry_tag(number), plant.room(number)))

@@ -98,6 +98,6 @@ def _signatures(line: Line) -> dict[str, tuple[list[DataType], list[DataType]]]:
     for zone in line.zones:
         found[plant_of(zone.name)] = [DINT, DINT], [DINT]
         found[setup_of(zone.name)] = [DINT] * MOST_OPERATIONS, [DINT]
-        found |= {plant_of(vehicle.name): ([DINT, BOOL, BOOL, DINT], [DINT] * 3) for vehicle in zone.vehicles}
+        found |= {plant_of(vehicle.name): ([DINT, BOOL, DINT, DINT], [DINT] * 3) for vehicle in zone.vehicles}
         found |= {plant_of(station.name): ([DINT] * 5, [DINT]) for station in zone.stations}
     return found

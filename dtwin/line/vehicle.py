@@ -40,13 +40,11 @@ class VehicleSample:
     Attributes:
         at: number of the last node that it has reached.
         standing: whether it stands there.
-        loaded: whether it has a box.
         battery: its charge, whole percent.
     """
 
     at: int
     standing: bool
-    loaded: bool
     battery: int
 
 
@@ -98,7 +96,7 @@ class Vehicle:
 
     def sample(self) -> VehicleSample:
         """What it tells its control."""
-        return VehicleSample(self._track.number(self.path[0]), self.standing, self.box != 0, math.floor(self.battery))
+        return VehicleSample(self._track.number(self.path[0]), self.standing, math.floor(self.battery))
 
     def obey(self, command: VehicleCommand) -> None:
         """Takes a command; a node that it has counts once; an action begins anew when it is another than before."""

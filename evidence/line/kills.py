@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import signal
 import subprocess
@@ -35,6 +36,7 @@ from evidence.report import Report, page, table
 from iec61499.deploy.system_file import system_text
 from iec61499.mapping import configured
 from iec61499.model import Parameter, System
+from iec61499.net.address import LOOPBACK
 
 Trouble = Literal["ended", "frozen"]
 AWAY: Final = 8.0
@@ -76,7 +78,7 @@ class KillOutcome:
 
 
 def at_ports(whole: System, free: Callable[[int], Sequence[int]]) -> System:
-    """A system whose SERVER blocks and device managements listen at other ports.
+    """A system whose SERVER blocks listen at other ports, and whose devices are at an address of their own.
 
     Args:
         whole: the system.
@@ -85,10 +87,21 @@ def at_ports(whole: System, free: Callable[[int], Sequence[int]]) -> System:
     (application,) = whole.applications
     names = [block.name for block in application.network.blocks if block.type_name.startswith("SERVER")]
     ports = iter(free(len(names) + len(whole.devices)))
+    managed = list(itertools.islice(ports, len(whole.devices)))
+    host = _own_host(managed[0])
     devices = tuple(
-        replace(device, parameters=(Parameter("MGR_ID", f"'localhost:{next(ports)}'"),)) for device in whole.devices
+        replace(device, parameters=(Parameter("MGR_ID", f"'{host}:{port}'"),))
+        for device, port in zip(whole.devices, managed, strict=True)
     )
     return configured(replace(whole, devices=devices), {f"{name}.ID": f"localhost:{next(ports)}" for name in names})
+
+
+def _own_host(port: int) -> str:
+    """An address of this machine for the devices of whoever has a port: what they publish goes to ports of that.
+
+    The ports of UDP follow from the system alone, so that two lines on one address would be refused.
+    """
+    return f"127.1.{port >> 8}.{port & 255}" if sys.platform == "linux" else LOOPBACK
 
 
 def _free_ports(count: int) -> list[int]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import select
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import islice
@@ -50,14 +51,18 @@ class BlockingClient:
     def exchange(self, values: Sequence[Value]) -> Message:
         """The answer to a request.
 
-        After an error the connection is closed: a late answer must not pass for that of the next request.
+        After an error the connection is closed: a late answer must not pass for that of the next request. It is an
+        error, too, when something has come although nothing was asked: a server may send a late answer to who has
+        connected meanwhile, and all later ones would be those of the requests before.
 
         Raises:
             CommunicationError: the answer is late, the connection is lost, or request or answer does not fit its
                 signature.
         """
         try:
-            self._send(self._sends.encode(values))
+            data = self._sends.encode(values)
+            self._expect_nothing()
+            self._send(data)
             return self._received(1)[0]
         except (OSError, CommunicationError) as error:
             raise self._ended(error) from None
@@ -104,6 +109,11 @@ class BlockingClient:
         if isinstance(error, OSError):
             return CommunicationError(f"{self.address}: connection lost: {error.strerror or error}")
         return CommunicationError(f"{self.address}: {error}")
+
+    def _expect_nothing(self) -> None:
+        """Raises CommunicationError when something has come before anything was asked."""
+        if not self.lost and select.select((self._sock,), (), (), 0.0)[0] and self._sock.recv(CHUNK):
+            raise CommunicationError("more than one answer to a request")
 
     def _send(self, data: bytes) -> None:
         self._allow(self.timeout)

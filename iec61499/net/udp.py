@@ -65,7 +65,7 @@ class UdpSubscriber:
         address: where it listens, with the port that the system chose when 0 was asked for.
 
     Raises:
-        CommunicationError: the port cannot be bound or the group cannot be joined.
+        CommunicationError: the port cannot be bound, as another one listens there, or the group cannot be joined.
     """
 
     def __init__(
@@ -81,9 +81,11 @@ class UdpSubscriber:
         self._indicate = indicate
         self._sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
-            self._sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            grouped = ipaddress.IPv4Address(address.host).is_multicast
+            if grouped:  # of those that shared the address of a host, only the last one would hear anything
+                self._sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             self._sock.bind(address)
-            if ipaddress.IPv4Address(address.host).is_multicast:
+            if grouped:
                 group = socket.inet_aton(address.host) + socket.inet_aton(interface)
                 self._sock.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, group)
         except OSError as error:

@@ -26,7 +26,7 @@ from iec61499.library import Library
 from iec61499.management.client import ManagementClient
 from iec61499.mapping import resource_network
 from iec61499.model import System
-from iec61499.net.address import LOOPBACK, Address
+from iec61499.net.address import parse_address
 from tests.support.devices import BLOCKS, PATIENCE
 from tests.support.forte import forte
 from tests.support.ports import free_ports
@@ -137,8 +137,7 @@ def on_processes(line: Line, folder: Path) -> Iterator[Lockstep]:
         try:
             clients = {}
             for device in whole.devices:
-                port = int(device.parameters[0].value.strip("'").rpartition(":")[2])
-                management = partial(ManagementClient, Address(LOOPBACK, port), PATIENCE)
+                management = partial(ManagementClient, parse_address(device.parameters[0].value.strip("'")), PATIENCE)
                 clients[device.name] = stack.enter_context(connected(management))
             blocks = stack.enter_context(connected(lambda: Served(line, whole)))
             yield Lockstep(line, blocks, clients, crossings_of(whole), f"{APPLICATION}.")

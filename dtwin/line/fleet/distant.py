@@ -73,7 +73,7 @@ class DistantVehicle(Vehicle):
         """What its control is told: it stands only if that is certain."""
         sample = super().sample()
         stands = sample.standing and self._known and not self._driving and not self.orders.has_new
-        return VehicleSample(sample.at, stands, sample.loaded, sample.battery)
+        return VehicleSample(sample.at, stands, sample.battery)
 
     def obey(self, command: VehicleCommand) -> None:
         """Takes a command, and writes it into the order."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import select
 import socket
 import threading
 import tracemalloc
@@ -393,6 +394,33 @@ def test_blocking_client_refuses_two_answers(reactor: Reactor, stream_address: S
         listener.close()
 
 
+def test_blocking_client_takes_no_late_answer_for_that_of_the_next_request(
+    reactor: Reactor, stream_address: StreamAddress
+) -> None:
+    requests: list[int] = []
+
+    def doubled(message: Message) -> None:
+        requests.append(message[0])
+        if len(requests) == 2:
+            server.send([2 * requests[0]])  # the first client has given up; who asks now is answered
+        if len(requests) > 1:
+            server.send([2 * message[0]])
+
+    server = StreamServer(reactor, stream_address, NUMBER, NUMBER, doubled)
+    with served(reactor):
+        first = BlockingClient(server.address, NUMBER, NUMBER, timeout=0.05)
+        with pytest.raises(CommunicationError, match="no answer"):
+            first.exchange([1])
+        with BlockingClient(server.address, NUMBER, NUMBER, PATIENCE) as second, suppress(CommunicationError):
+            second.exchange([5])
+            until(lambda: select.select([second._sock], [], [], 0.0)[0], "the answer to it has come, too")
+            with pytest.raises(CommunicationError, match="more than one answer"):
+                second.exchange([6])
+        with BlockingClient(server.address, NUMBER, NUMBER, PATIENCE) as third:
+            assert [third.exchange([number]) for number in (7, 8)] == [(14,), (16,)]
+    server.close()
+
+
 @pytest.mark.parametrize("host", ["127.0.0.1", "239.192.7.1"])
 def test_published_messages_arrive(reactor: Reactor, host: str) -> None:
     messages: list[Message] = []
@@ -405,6 +433,18 @@ def test_published_messages_arrive(reactor: Reactor, host: str) -> None:
     assert messages == [sample, sample]
     publisher.close()
     subscriber.close()
+
+
+def test_who_subscribes_at_the_address_of_another_one_is_refused_and_takes_nothing_away(reactor: Reactor) -> None:
+    messages: list[Message] = []
+    with closing(UdpSubscriber(reactor, ANY_PORT, NUMBER, messages.append)) as first:
+        with pytest.raises(CommunicationError, match=f"cannot subscribe to {first.address}: Address already in use"):
+            UdpSubscriber(reactor, first.address, NUMBER, messages.append)
+        with closing(UdpPublisher(first.address, NUMBER)) as publisher:
+            publisher.send([5])
+            pump(reactor, lambda: messages)
+    assert messages == [(5,)]
+    UdpSubscriber(reactor, first.address, NUMBER, messages.append).close()
 
 
 def test_wrong_datagrams_are_ignored(reactor: Reactor, caplog: pytest.LogCaptureFixture) -> None:

@@ -1,0 +1,97 @@
+"""A line whose messages are lost and whose devices begin anew: no zone is left standing, no box leaves unfinished."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+
+from dtwin.line.file import line_of
+from dtwin.line.system import system
+from evidence.line.kills import at_ports
+from evidence.line.losses import LossOutcome, LossTrial, TroubledDevices, _Run, _trouble, troubled
+from iec61499.mapping import management_address
+
+LINE = line_of("default")
+
+
+def begun(seconds: float) -> _Run:
+    run = _Run(LINE, np.random.default_rng(1))
+    run.work(seconds)
+    return run
+
+
+def goes_on(run: _Run, seconds: float, least: int) -> None:
+    before, plant = len(run.plant.left), run.plant
+    run.work(seconds)
+    assert len(plant.left) - before >= least
+    assert (plant.lost, plant.collisions, plant.unfinished) == (0, 0, 0)
+
+
+def several(first: int, count: int) -> range:
+    return range(first, first + count)
+
+
+def busiest(devices: TroubledDevices) -> str:
+    return next(name for name in devices.names if name.startswith("ZONE"))
+
+
+@pytest.mark.parametrize("seconds", [44.0, 52.0, 63.0])
+def test_an_order_that_is_lost_is_told_again(seconds: float) -> None:
+    run = begun(seconds)
+    run.devices.messages.trouble, run.devices.messages.share = "lost", 0.5
+    run.work(4.0)
+    run.devices.messages.well()
+    goes_on(run, 120.0, 3)
+
+
+def test_a_zone_that_begins_anew_learns_from_vehicles_which_boxes_they_have() -> None:
+    run = begun(40.0)
+    zone = busiest(run.devices)
+    while not run.plant.vehicles["a_agv1"].box:
+        run.work(0.1)
+    for _ in range(2):
+        run.devices.end(zone)
+        run.work(1.0)
+        run.devices.begin(zone)
+        run.work(7.0)
+    goes_on(run, 120.0, 3)
+
+
+@pytest.mark.parametrize(("device", "seconds"), [("VEHICLES_B", 56.0), ("VEHICLES_A", 45.0)])  # with boxes in them
+def test_vehicles_whose_control_begins_anew_bring_their_boxes_where_they_belong(device: str, seconds: float) -> None:
+    run = begun(seconds)
+    run.devices.end(device)
+    run.work(1.0)
+    run.devices.begin(device)
+    goes_on(run, 100.0, 3)
+
+
+def test_equal_seeds_give_equal_troubles() -> None:
+    told = []
+    for _ in range(2):
+        generator = np.random.default_rng(12)
+        run = _Run(LINE, generator)
+        told.append([_trouble(run, generator) for _ in range(3)] + run.plant.drain())
+    assert told[0] == told[1]
+
+
+def test_boxes_go_on_leaving_after_drawn_troubles() -> None:
+    outcome = troubled(LossTrial("default", 3, 1))
+    assert outcome.told
+    assert outcome.kept
+
+
+def test_a_line_that_stands_or_loses_something_is_not_kept() -> None:
+    trial = LossTrial("default", 0, 6)
+    assert LossOutcome(trial, 8, 0, 0, 0).kept
+    for spoiled in ((3, 0, 0, 0), (8, 1, 0, 0), (8, 0, 1, 0), (8, 0, 0, 1)):
+        assert not LossOutcome(trial, *spoiled).kept
+
+
+def test_lines_at_ports_of_their_own_are_at_addresses_of_their_own() -> None:
+    hosts = []
+    for first in (40000, 40300):
+        whole = at_ports(system(LINE), partial(several, first))
+        hosts.append({management_address(device).rpartition(":")[0] for device in whole.devices})
+    assert [len(each) for each in hosts] == [1, 1]
+    assert hosts[0] != hosts[1]
