@@ -15,7 +15,6 @@ from types import TracebackType
 from typing import Final, Self
 
 from dtwin.api.arguments import AnyPath, Texts, checked
-from dtwin.api.kept.settings import known_arm, wished_model, wished_tuning
 from dtwin.bus.messages import (
     DECIDE,
     FAULT,
@@ -46,7 +45,6 @@ from dtwin.bus.twin_messages import (
     UploadRequest,
 )
 from dtwin.errors import CommunicationError, ParameterError, UnansweredError
-from dtwin.identification.store import STORE
 from dtwin.parameters import PERIOD, ArmParameters, CellJoints, Gains, joint_vector
 from dtwin.services.runfile import join
 from dtwin.signals import Sensors, Voltages
@@ -267,7 +265,7 @@ class LiveCell:
         set: Texts | Mapping[str, float] = (),
         version: int | None = None,
         arm: ArmParameters | AnyPath | None = None,
-        store: AnyPath = STORE,
+        store: AnyPath | None = None,
         based_on: int | None = None,
         why: str = _WHY,
         who: str | None = None,
@@ -287,7 +285,7 @@ class LiveCell:
                 or in force.
             version: version of the history whose settings shall be in force again.
             arm: the arm of the check, told like `model`; None for the one that the service knows.
-            store: folder of the kept models.
+            store: folder of the kept models; None for `identified`.
             based_on: version of the settings that you have seen; None for that in force. An old one is refused.
             why: reason, for the history.
             who: name, for the history; None for the login name.
@@ -297,6 +295,8 @@ class LiveCell:
             ModelError: a file or a model cannot be read.
             CommunicationError: the settings are refused, or nobody answers.
         """
+        from dtwin.api.kept.settings import known_arm, wished_model, wished_tuning  # Who stops an arm needs no files.
+
         now = self.settings()
         tuning = wished_tuning(gains, {"kp": kp, "ki": ki, "kd": kd}, now.gains)
         believed = wished_model(known_arm(model, store), set, now.model)

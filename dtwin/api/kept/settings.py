@@ -9,7 +9,7 @@ from pathlib import Path
 
 from dtwin.api.arguments import AnyPath, Texts, pairs
 from dtwin.controller.proposed import SavedTuning, read_tuning
-from dtwin.identification.store import ModelStore, open_model
+from dtwin.identification.store import STORE, ModelStore, open_model
 from dtwin.parameters import ArmParameters, CellJoints, Gains
 
 log = logging.getLogger(__name__)
@@ -42,19 +42,19 @@ def wished_tuning(
     return SavedTuning(gains=replace(tuning.gains, **changed), target_time=tuning.target_time)
 
 
-def known_arm(model: ArmParameters | AnyPath | None, store: AnyPath) -> ArmParameters | None:
+def known_arm(model: ArmParameters | AnyPath | None, store: AnyPath | None) -> ArmParameters | None:
     """The arm of an identified model; a model that is in doubt is told in the log.
 
     Args:
         model: the arm itself, a file that ends in .json, or NAME or NAME@REVISION in the store; None for none.
-        store: folder of the kept models.
+        store: folder of the kept models; None for `identified`.
 
     Raises:
         ModelError: there is no such model, or it cannot be read.
     """
     if model is None or isinstance(model, ArmParameters):
         return model
-    found = open_model(str(model), ModelStore(Path(store)))
+    found = open_model(str(model), ModelStore(STORE if store is None else Path(store)))
     if doubts := found.validity.doubts:
         log.warning("dtwin: model %s is in doubt: %s", model, doubts)
     return found.arm
