@@ -128,6 +128,10 @@ class Trial:
             self._disturbed, self._counts, self._moved, self._since = True, False, False, time
             self._calm = self._beyond = 0
 
+    def is_over(self, time: float) -> bool:
+        """Whether it has lasted as long as it may at a plant time (s), whatever was judged."""
+        return time >= self.began + self._rules.longest
+
     def why(self) -> str:
         """Why it failed."""
         if not self.offender:

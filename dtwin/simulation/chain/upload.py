@@ -186,9 +186,7 @@ class ArmUploads:
         Raises:
             CommunicationError: the blocks do not say which settings they have, or do not take the old ones.
         """
-        if self._waiting is not None:
-            self.trial, self._waiting = Trial(self._rules, time, self._waiting), None
-        trial = self.trial
+        trial = self._trial_at(time)
         if trial is None:
             return None
         begins = self._stood and target != self._target
@@ -206,10 +204,27 @@ class ArmUploads:
         self.trial = self._before = None
         return self.last
 
-    def miss(self, time: float) -> None:
-        """Takes note that the command which answers the sample of a plant time (s) came late or never."""
-        if self.trial is not None:
-            self.trial.miss(time)
+    def miss(self, time: float) -> ArmEntry | None:
+        """Takes note that the command which answers the sample of a plant time (s) came late or never.
+
+        Returns:
+            The entry of the history if this ends the trial: of an arm that obeys nothing, since it is stopped, nothing
+            can be judged.
+
+        Raises:
+            CommunicationError: the blocks do not take the old settings.
+        """
+        trial = self._trial_at(time)
+        if trial is None:
+            return None
+        trial.miss(time)
+        return self.roll_back(SELF, trial.why(), time, trial.measured) if trial.is_over(time) else None
+
+    def _trial_at(self, time: float) -> Trial | None:
+        """The trial that is running at a plant time (s), which begins with the first sample that has come."""
+        if self._waiting is not None:
+            self.trial, self._waiting = Trial(self._rules, time, self._waiting), None
+        return self.trial
 
     def _record(
         self,
