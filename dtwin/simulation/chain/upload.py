@@ -208,8 +208,8 @@ class ArmUploads:
         """Takes note that the command which answers the sample of a plant time (s) came late or never.
 
         Returns:
-            The entry of the history if this ends the trial: of an arm that obeys nothing, since it is stopped, nothing
-            can be judged.
+            The entry of the history if this ends the trial: an arm that is stopped obeys nothing, and cannot be
+            judged.
 
         Raises:
             CommunicationError: the blocks do not take the old settings.
