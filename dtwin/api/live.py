@@ -11,8 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from threading import Condition
-from types import TracebackType
-from typing import Final, Self
+from typing import Final
 
 from dtwin.api.arguments import AnyPath, Texts, checked
 from dtwin.bus.messages import (
@@ -48,6 +47,7 @@ from dtwin.errors import CommunicationError, ParameterError, UnansweredError
 from dtwin.parameters import PERIOD, ArmParameters, CellJoints, Gains, joint_vector
 from dtwin.services.runfile import join
 from dtwin.signals import Sensors, Voltages
+from iec61499.net.closing import Closing
 
 log = logging.getLogger(__name__)
 
@@ -75,7 +75,7 @@ class ArmState:
     holds_box: bool
 
 
-class LiveCell:
+class LiveCell(Closing):
     """A cell that is up; a context manager that leaves it at its end. The cell goes on.
 
     Attributes:
@@ -86,14 +86,6 @@ class LiveCell:
     def __init__(self, bus: Bus) -> None:
         self.bus = bus
         self.missed = 0
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def close(self) -> None:
         """Leaves the cell; its iterators end."""
