@@ -56,18 +56,20 @@ class Trial:
 
     Args:
         rules: rules of the trial.
-        began: plant time at which the trial began, s.
         predicted: largest distance of each joint from its path that the twin predicted, rad.
 
     Attributes:
+        began: plant time of the first sample, s, with which the trial begins, whether it could be judged or its command
+            was late; infinite before.
         measured: largest distance of each joint that counted so far, rad.
         bounds: bounds of the distance of each joint from the next motion on, rad.
         offender: joint, from 1, that failed, or 0 for none; a trial that fails without one could not judge the arm.
         judged_motion: whether a motion that began with the new settings, and with integrals that fit them, has ended.
     """
 
-    def __init__(self, rules: TrialRules, began: float, predicted: Values) -> None:
-        self.began = began
+    def __init__(self, rules: TrialRules, predicted: Values) -> None:
+        self.began = math.inf
+        self.predicted = predicted
         self.measured: Values = (0.0,) * len(predicted)
         self.offender = 0
         self.bounds = tuple(rules.factor * distance + rules.allowance for distance in predicted)
@@ -77,7 +79,7 @@ class Trial:
         self._moved = False
         self._counts = False
         self._disturbed = False
-        self._since = began
+        self._since = math.inf
         self._late_at = -math.inf
         self._seen = self._calm = self._beyond = self._late = 0
 
@@ -91,6 +93,7 @@ class Trial:
             begins: whether a path begins here. None where paths start at the measured angles, which tells their
                 first samples from all others.
         """
+        self.began, self._since = min(self.began, time), min(self._since, time)
         away = tuple(abs(wanted - found) for wanted, found in zip(path, measured, strict=True))
         begins = max(away) <= SAME_ANGLE if begins is None else begins
         self._moved = self._moved or (begins and time >= self.began + self._rules.settling - PERIOD / 2)
@@ -122,6 +125,7 @@ class Trial:
         After several in a row the distance is that of another voltage. It counts again when it has been within the
         bounds for a while, or was given the time for that.
         """
+        self.began = min(self.began, time)
         self._late = self._late + 1 if time < self._late_at + 1.5 * PERIOD else 1
         self._late_at = time
         if self._late >= self._rules.late:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Final, Literal
@@ -131,7 +132,7 @@ class Uploader:
         found = port.read_back()
         if entries and not entries[-1].settings.differing(found):
             self.last = entries[-1]
-            self._resume_trial(entries, time)
+            self._resume_trial(entries)
         else:
             self.last = self._found(entries[-1].version + 1 if entries else 1, found, time)
 
@@ -180,7 +181,7 @@ class Uploader:
             self._record("refuse", proposal, self.settings, time, str(reason))
             raise
         self._before, self._tried = self.settings, proposal
-        self.trial = Trial(self._rules, time, prediction.tracking)
+        self.trial = Trial(self._rules, prediction.tracking)
         # The history comes first: if this process ends now, the next one watches the settings or finds the old ones.
         entry = self._record("upload", proposal, settings, time, predicted=prediction.tracking)
         try:
@@ -284,9 +285,8 @@ class Uploader:
             raise Refused(f"the settings have changed: expected version {self.version}, got {proposal.based_on}")
         if self.trial is not None:
             end = self.trial.began + self._rules.duration
-            raise Refused(
-                f"version {self.version} is on trial until {end:.2f} s and the end of a motion: expected to wait"
-            )
+            least = f"{end:.2f} s and " if end < math.inf else ""
+            raise Refused(f"version {self.version} is on trial until {least}the end of a motion: expected to wait")
 
     def _send(self, settings: ControlSettings, kind: Kind) -> None:
         found = self._port.put(_GROUP_OF[kind], settings)
@@ -314,12 +314,12 @@ class Uploader:
         self._history.append(entry)
         return entry
 
-    def _resume_trial(self, entries: list[Entry], time: float) -> None:
-        """Continues a trial that the end of an earlier process interrupted."""
+    def _resume_trial(self, entries: list[Entry]) -> None:
+        """Begins a trial anew that the end of an earlier process interrupted."""
         acts = [entry for entry in entries if entry.action != "refuse"]
         if len(acts) > 1 and acts[-1].action == "upload" and acts[-1].predicted is not None:
             self._before = acts[-2].settings
-            self.trial = Trial(self._rules, time, acts[-1].predicted)
+            self.trial = Trial(self._rules, acts[-1].predicted)
 
 
 def _towards(wanted: ControlSettings, differing: set[str], who: str, why: str, based_on: int) -> Proposal | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -35,6 +36,7 @@ from dtwin.services.runfile import join
 from dtwin.signals import Sensors
 from dtwin.simulation.checks import MOTIONS
 from dtwin.simulation.history import History
+from dtwin.simulation.trial import TrialRules
 from evidence.identification.standard import standard_settings
 from tests.support.desk import Desk, busy_cell, new_desk
 from tests.support.waiting import until
@@ -331,9 +333,13 @@ def test_a_killed_service_finds_old_or_new_settings_and_watches_the_new(started:
             last = history.last()
             assert last is not None
             assert (last.version, last.settings.gains) == (after.version, in_force), moment
-            assert after.on_trial == (in_force == wanted), moment
             until(lambda: not now(bus).on_trial, "the trial ends")
             assert now(bus).action == ("confirm" if in_force == wanted else after.action), moment
+            if in_force == wanted:
+                lasted = re.search(r"for (\d+\.\d) s", now(bus).text)
+                assert lasted is not None
+                rules, watched = TrialRules(), float(lasted[1])
+                assert rules.duration <= watched < 2 * rules.longest, "what was watched, not the time until then"
         assert now(bus).gains == wanted, "what has been sent is watched, not lost"
 
 

@@ -163,6 +163,23 @@ def test_a_trial_that_the_end_of_a_process_cut_short_is_taken_up(tmp_path: Path)
     assert blocks.settings == SHEET
 
 
+def test_who_is_refused_meanwhile_ends_no_trial(tmp_path: Path) -> None:
+    blocks = FakeBlocks()
+    found = uploads(tmp_path, blocks)
+    found.upload("ann", "identified", 1, OTHER, 5.0)
+    for forgets in (False, True):
+        with pytest.raises(ParameterError, match="version 2 is on trial"):
+            found.upload("bob", "impatient", 2, SHEET, 6.0)
+        if forgets:
+            blocks.settings = SHEET
+            assert found.look_again()
+        else:
+            found = uploads(tmp_path, blocks)
+        assert (found.version, found.on_trial) == (2, True)
+    assert moved(found, 9.0, 0.2) == ["roll back"]
+    assert blocks.settings == SHEET
+
+
 def test_blocks_that_get_a_model_answer_as_blocks_that_were_made_with_it() -> None:
     arm = arm_of("six-axis")
     other = with_model(arm, ArmModel.of(drawn(arm, 3)))

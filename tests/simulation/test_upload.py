@@ -135,11 +135,12 @@ def test_a_model_that_disappoints_is_rolled_back(desk: UploadingCell) -> None:
 def test_a_trial_that_a_crash_cut_short_goes_on(desk: UploadingCell) -> None:
     desk.run(8.0, {7.0: model(scaled(ArmParameters(), "D", 2.5))})
     assert desk.actions() == ["start", "upload"]
-    again = Uploader(desk.port, desk.history, desk.checker, time=8.0)
+    again = Uploader(desk.port, desk.history, desk.checker)
     assert again.trial is not None
     assert again.version == 2
+    assert again.observe(268.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)) is None, "no sample was judged before this one"
     for tick in range(20):
-        entry = again.observe(8.0 + tick / 100, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0 if tick < 2 else 1.0))
+        entry = again.observe(268.01 + tick / 100, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0 if tick < 2 else 1.0))
         if entry is not None:
             break
     assert desk.actions() == ["start", "upload", "roll back"]
@@ -166,6 +167,9 @@ def test_refusals_change_nothing_but_the_history(desk: UploadingCell) -> None:
 
 def test_one_trial_at_a_time_and_a_roll_back_by_hand(desk: UploadingCell) -> None:
     desk.uploader.upload(Proposal("anna", "", 1, HIGHER, 2.5), 5.0)
+    with pytest.raises(Refused, match=r"version 2 is on trial until the end of a motion"):
+        desk.uploader.upload(Proposal("bob", "", 2, usual_gains("computed_torque")), 5.0)
+    desk.uploader.observe(5.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     with pytest.raises(Refused, match=r"version 2 is on trial until 15\.00 s and the end of a motion"):
         desk.uploader.upload(Proposal("bob", "", 2, usual_gains("computed_torque")), 6.0)
     entry = desk.uploader.roll_back("bob", "do not like it", 7.0)
@@ -309,7 +313,7 @@ REST = (0.0, 0.0, 0.0)
 
 
 def verdicts(distances: list[float], rules: TrialRules | None = None, path: float = 1.0) -> list[str]:
-    trial = Trial(rules or TrialRules(), 10.0, (0.01, 0.01, 0.01))
+    trial = Trial(rules or TrialRules(), (0.01, 0.01, 0.01))
     assert trial.bounds == pytest.approx((0.025,) * 3)
     return [
         trial.observe(10.0 + k / 100, (path, 0.0, 0.0), (path - distance, 0.0, 0.0))
@@ -345,7 +349,7 @@ def test_trial_waits_for_a_distance_that_was_there_before() -> None:
 
 def swinging_trial(late: int) -> tuple[Trial, list[str]]:
     """A trial of an arm that swings until 11 s after so many late commands from 10.5 s on, and its verdicts."""
-    trial, found = Trial(TrialRules(), 10.0, (0.01, 0.01, 0.01)), list[str]()
+    trial, found = Trial(TrialRules(), (0.01, 0.01, 0.01)), list[str]()
     for tick in range(160):
         time = 10.0 + tick / 100
         if 50 <= tick < 50 + late:
@@ -356,7 +360,7 @@ def swinging_trial(late: int) -> tuple[Trial, list[str]]:
 
 
 def test_commands_that_are_late_when_a_trial_could_end_make_it_longer() -> None:
-    trial = Trial(TrialRules(), 10.0, (0.1, 0.1, 0.1))
+    trial = Trial(TrialRules(), (0.1, 0.1, 0.1))
     verdicts = {}
     for tick in range(1600):
         time, still = 10.0 + tick / 100, (1.0, 0.0, 0.0)
@@ -378,7 +382,7 @@ def test_late_commands_are_no_fault_of_the_settings() -> None:
 
 
 def test_an_arm_whose_commands_are_never_in_time_cannot_be_judged() -> None:
-    trial = Trial(TrialRules(), 10.0, (0.01, 0.01, 0.01))
+    trial = Trial(TrialRules(), (0.01, 0.01, 0.01))
     verdict = "running"
     for tick in range(6001):
         time = 10.0 + tick / 100
@@ -390,7 +394,7 @@ def test_an_arm_whose_commands_are_never_in_time_cannot_be_judged() -> None:
 
 def trial_of(path: Callable[[int], float]) -> list[str]:
     """The verdicts on an arm that is 10 mrad from its path, except at the start of a path."""
-    trial = Trial(TrialRules(), 10.0, (0.01, 0.01, 0.01))
+    trial = Trial(TrialRules(), (0.01, 0.01, 0.01))
     found: list[str] = []
     for tick in range(6001):
         away = 0.0 if tick and path(tick - 1) != path(tick) == 0.0 else 0.01

@@ -59,7 +59,6 @@ class ArmUploads:
         self._check = check
         self._rules = rules
         self._before: ArmSettings | None = None
-        self._waiting: JointVector | None = None
         self._target: JointVector = ()
         self._stood = False
         found, entries = port.read_back(), history.entries()
@@ -78,13 +77,13 @@ class ArmUploads:
     @property
     def on_trial(self) -> bool:
         """Whether the settings in force are on trial."""
-        return self.trial is not None or self._waiting is not None
+        return self.trial is not None
 
     def _take_up(self, entries: list[ArmEntry]) -> None:
         """Goes on with a trial that the end of an earlier process cut short, from the next sample on."""
-        earlier = [entry.settings for entry in entries if entry.version < self.version]
-        if self.last.action == "upload" and earlier:
-            self._before, self._waiting = earlier[-1], self.last.predicted
+        acts = [entry for entry in entries if entry.action != "refuse"]
+        if len(acts) > 1 and acts[-1].action == "upload" and acts[-1].predicted is not None:
+            self._before, self.trial = acts[-2].settings, Trial(self._rules, acts[-1].predicted)
 
     @property
     def settings(self) -> ArmSettings:
@@ -105,8 +104,8 @@ class ArmUploads:
         if self._port.read_back() == self.settings:
             return False
         self._port.send(SELF, f"version {self.version} again", self.settings)
-        if self.on_trial:
-            self.trial, self._waiting = None, self.last.predicted
+        if self.trial is not None:
+            self.trial = Trial(self._rules, self.trial.predicted)
         return True
 
     def upload(self, who: str, why: str, based_on: int, wished: ArmSettings, time: float) -> ArmEntry:
@@ -142,7 +141,7 @@ class ArmUploads:
             self.last = self._record("roll back", entry.version + 1, SELF, text, before, time, text)
             raise
         self.last, self._before = entry, before
-        self._waiting = predicted  # until the first sample with them, which may come later than those that wait
+        self.trial = Trial(self._rules, predicted)
         return entry
 
     def earlier(self, version: int) -> ArmSettings:
@@ -169,7 +168,7 @@ class ArmUploads:
         self._port.send(who, why, before)
         # Who asks meanwhile finds no trial that is over without what came of it.
         self.last = self._record("roll back", self.version + 1, who, why, before, time, measured=measured)
-        self.trial = self._before = self._waiting = None
+        self.trial = self._before = None
         return self.last
 
     def observe(self, time: float, target: JointVector, measured: JointVector) -> ArmEntry | None:
@@ -186,7 +185,7 @@ class ArmUploads:
         Raises:
             CommunicationError: the blocks do not say which settings they have, or do not take the old ones.
         """
-        trial = self._trial_at(time)
+        trial = self.trial
         if trial is None:
             return None
         begins = self._stood and target != self._target
@@ -214,17 +213,11 @@ class ArmUploads:
         Raises:
             CommunicationError: the blocks do not take the old settings.
         """
-        trial = self._trial_at(time)
+        trial = self.trial
         if trial is None:
             return None
         trial.miss(time)
         return self.roll_back(SELF, trial.why(), time, trial.measured) if trial.is_over(time) else None
-
-    def _trial_at(self, time: float) -> Trial | None:
-        """The trial that is running at a plant time (s), which begins with the first sample that has come."""
-        if self._waiting is not None:
-            self.trial, self._waiting = Trial(self._rules, time, self._waiting), None
-        return self.trial
 
     def _record(
         self,
