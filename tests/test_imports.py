@@ -25,27 +25,23 @@ def loaded(*modules: str) -> set[str]:
     return after(f"import {', '.join(modules)}")
 
 
-@pytest.mark.parametrize(
-    "module",
-    [
-        "dtwin.services.launch",
-        "dtwin.services.supervisor",
-        "dtwin.services.bridge",
-        "dtwin.commands.live.up",
-        "dtwin.commands.live.status",
-        "dtwin.commands.live.stop",
-        "dtwin.commands.live.watch",
-        "dtwin.commands.live.settings",
-        "dtwin.identification.store",
-    ],
+WAITING = (
+    *("dtwin.services.launch", "dtwin.services.supervisor", "dtwin.services.bridge", "dtwin.commands.live.up"),
+    *("dtwin.commands.live.status", "dtwin.commands.live.stop", "dtwin.commands.live.watch"),
+    *("dtwin.commands.live.settings", "dtwin.identification.store"),
 )
-def test_what_only_waits_or_asks_loads_no_library_of_numbers(module: str) -> None:
-    assert not loaded(module) & HEAVY
+"""Modules of what only waits or asks."""
 
 
-@pytest.mark.parametrize("command", ["status", "stop", "release", "down"])
-def test_a_word_to_a_cell_waits_for_neither_parser_nor_cell(command: str) -> None:
-    found = after(f"from dtwin.cli import main; assert main(['{command}', '--cell', 'none']) == 2")
+def test_what_only_waits_or_asks_loads_no_library_of_numbers() -> None:
+    """All in one process, as none may load any."""
+    assert not loaded(*WAITING) & HEAVY
+
+
+def test_a_word_to_a_cell_waits_for_neither_parser_nor_cell() -> None:
+    words = ("status", "stop", "release", "down")
+    said = "; ".join(f"assert main(['{word}', '--cell', 'none']) == 2" for word in words)
+    found = after(f"from dtwin.cli import main; {said}")
     assert not found & {*HEAVY, "tyro"}
     assert not {name for name in found if name.startswith(("dtwin.run", "dtwin.controller", "dtwin.emulation"))}
 

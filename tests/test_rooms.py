@@ -98,9 +98,16 @@ def name_of(path: Path) -> str:
 
 
 @cache
+def nodes(path: Path) -> list[ast.AST]:
+    """What the tests look at in a file, read once for all of them."""
+    kinds = (ast.Import, ast.ImportFrom, ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
+    return [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, kinds)]
+
+
+@cache
 def imports(path: Path) -> set[str]:
     found = set()
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in nodes(path):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -202,7 +209,7 @@ def test_functions_stay_short() -> None:
     wrong = [
         f"{name_of(path)}.{node.name}: {lines} lines, {arguments} arguments"
         for path in MODULES
-        for node in ast.walk(ast.parse(path.read_text()))
+        for node in nodes(path)
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and not is_kernel(node)
         for lines, arguments in [length_and_arguments(node)]
         if lines > LENGTHIEST or arguments > MOST_ARGUMENTS
@@ -242,7 +249,7 @@ def test_classes_have_few_private_fields() -> None:
     crowded = {
         f"{name_of(path)}.{node.name}"
         for path in MODULES
-        for node in ast.walk(ast.parse(path.read_text()))
+        for node in nodes(path)
         if isinstance(node, ast.ClassDef) and len(private_fields(node)) > MOST_PRIVATE
     }
     assert crowded <= set(CROWDED), crowded - set(CROWDED)

@@ -14,6 +14,7 @@ from typing import Any, Final, Literal, ParamSpec, TypeVar, Union, get_args, get
 
 from dtwin.errors import ParameterError, choices
 from dtwin.lengths import in_full
+from dtwin.parameters import assignment
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -69,6 +70,15 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
 def texts(given: Texts) -> tuple[str, ...]:
     """Several texts, of which one may have been given as such."""
     return (given,) if isinstance(given, str) else given
+
+
+def pairs(given: Texts | Mapping[str, float]) -> dict[str, float]:
+    """Numbers by name, of which each may have been given as NAME=NUMBER.
+
+    Raises:
+        ParameterError: a text has another form.
+    """
+    return dict(given) if isinstance(given, Mapping) else dict(map(assignment, texts(given)))
 
 
 def _argument(name: str, value: Any, hint: Any) -> Any:

@@ -6,15 +6,14 @@ import getpass
 import itertools
 import logging
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from threading import Condition
-from types import TracebackType
-from typing import Final, Self
+from typing import Final
 
-from dtwin.api.arguments import AnyPath, checked
+from dtwin.api.arguments import AnyPath, Texts, checked
 from dtwin.bus.messages import (
     DECIDE,
     FAULT,
@@ -48,6 +47,7 @@ from dtwin.errors import CommunicationError, ParameterError, UnansweredError
 from dtwin.parameters import PERIOD, ArmParameters, CellJoints, Gains, joint_vector
 from dtwin.services.runfile import join
 from dtwin.signals import Sensors, Voltages
+from iec61499.net.closing import Closing
 
 log = logging.getLogger(__name__)
 
@@ -75,7 +75,7 @@ class ArmState:
     holds_box: bool
 
 
-class LiveCell:
+class LiveCell(Closing):
     """A cell that is up; a context manager that leaves it at its end. The cell goes on.
 
     Attributes:
@@ -86,14 +86,6 @@ class LiveCell:
     def __init__(self, bus: Bus) -> None:
         self.bus = bus
         self.missed = 0
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def close(self) -> None:
         """Leaves the cell; its iterators end."""
@@ -256,44 +248,62 @@ class LiveCell:
     def upload(
         self,
         *,
-        gains: Gains | None = None,
+        gains: Gains | AnyPath | None = None,
+        kp: CellJoints | None = None,
+        ki: CellJoints | None = None,
+        kd: CellJoints | None = None,
         target_time: float | None = None,
-        model: ArmParameters | None = None,
+        model: ArmParameters | AnyPath | None = None,
+        set: Texts | Mapping[str, float] = (),
+        version: int | None = None,
+        arm: ArmParameters | AnyPath | None = None,
+        store: AnyPath | None = None,
         based_on: int | None = None,
         why: str = _WHY,
         who: str | None = None,
     ) -> Upload:
         """Gives the controller other settings, which are checked on the twin and on trial. Needs `up --simulation`.
 
+        Gains and target time go together, a model or a version alone.
+
         Args:
-            gains: gains of the control law, with or without a target time.
+            gains: gains of the control law, or the file in which `dtwin optimise` has saved them and a target time.
+            kp: proportional gains of joints 1 to 3, 1/s^2; None for those of `gains`, or in force.
+            ki: integral gains, 1/s^3.
+            kd: derivative gains, 1/s.
             target_time: duration of every motion from the next one on, s.
-            model: the arm as the controller shall believe it to be, alone.
+            model: the arm that the controller shall believe in, or file or name in `store` of an identified model.
+            set: parameters of that model in SI units, `{"m1": 0.12}` or `"m1=0.12"`; the others are those of `model`,
+                or in force.
+            version: version of the history whose settings shall be in force again.
+            arm: the arm of the check, told like `model`; None for the one that the service knows.
+            store: folder of the kept models; None for `identified`.
             based_on: version of the settings that you have seen; None for that in force. An old one is refused.
             why: reason, for the history.
             who: name, for the history; None for the login name.
 
         Raises:
             ParameterError: nothing shall change, or an argument is of another kind.
+            ModelError: a file or a model cannot be read.
             CommunicationError: the settings are refused, or nobody answers.
         """
-        if gains is None and target_time is None and model is None:
-            raise ParameterError("upload: expected gains, target_time or model")
-        version = self.settings().version if based_on is None else based_on
+        from dtwin.api.kept.settings import known_arm, wished_model, wished_tuning  # Who stops an arm needs no files.
+
+        now = self.settings()
+        tuning = wished_tuning(gains, {"kp": kp, "ki": ki, "kd": kd}, now.gains)
+        believed = wished_model(known_arm(model, store), set, now.model)
+        if tuning is None and target_time is None and believed is None and version is None:
+            raise ParameterError("upload: expected gains, target_time or model, or a version")
         request = UploadRequest(
-            who=who or getpass.getuser(), why=why, based_on=version, gains=gains, target_time=target_time, model=model
+            who=who or getpass.getuser(),
+            why=why,
+            based_on=now.version if based_on is None else based_on,
+            gains=None if tuning is None else tuning.gains,
+            target_time=tuning.target_time if tuning is not None and target_time is None else target_time,
+            model=believed,
+            version=version,
+            arm=known_arm(arm, store),
         )
-        return self.send(request)
-
-    def send(self, request: UploadRequest) -> Upload:
-        """Sends a request for other settings as it is.
-
-        Args:
-            request: the message UploadRequest of docs/zenoh.md.
-
-        Raises:
-            CommunicationError: the settings are refused, or nobody answers.
-        """
         return self._settings(UPLOAD, request)
 
     @checked

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
-from dtwin.api.arguments import AnyPath, Texts, checked, texts
+from dtwin.api.arguments import AnyPath, Texts, checked, pairs
 from dtwin.api.identification import Identified
 from dtwin.api.live import LiveCell
 from dtwin.api.monitoring import model_of
@@ -19,7 +19,7 @@ from dtwin.errors import ParameterError
 from dtwin.identification.machine.record import read_record
 from dtwin.identification.store import STORE
 from dtwin.logs.belonging import check_belonging
-from dtwin.parameters import ArmParameters, CellJoints, Gains, Law, assignment
+from dtwin.parameters import ArmParameters, CellJoints, Gains, Law
 from dtwin.run.cell_file import cell_of
 from dtwin.simulation.candidates import vary as varied
 from dtwin.simulation.measured import MotionComparison, compare, find, settings_of
@@ -170,7 +170,7 @@ def simulate_log(
     check_belonging(log.source if isinstance(log, Run) else str(log), rows, ArmParameters())
     settings = settings_of(rows)
     simulated = simulated_arm(model, commissioned, store, settings.model)
-    arm = simulated.arm.with_values(_pairs(set))
+    arm = simulated.arm.with_values(pairs(set))
     mass = settings.payload if payload is None else payload
     simulator = simulator_of(task_of(rows.metadata))
     return compare(rows, find(rows, at), settings, arm, mass, simulator, simulated.effects)
@@ -252,7 +252,7 @@ class SimulatedArm:
         Raises:
             ParameterError: a name or number is wrong.
         """
-        return replace(case, arm=self.arm.with_values(_pairs(assignments)), effects=self.effects)
+        return replace(case, arm=self.arm.with_values(pairs(assignments)), effects=self.effects)
 
 
 def simulated_arm(
@@ -297,7 +297,3 @@ def arm_of_model(model: Model | None, store: AnyPath, otherwise: ArmParameters) 
     if model is None:
         return otherwise
     return model if isinstance(model, ArmParameters) else model_of(model, store).arm
-
-
-def _pairs(given: Texts | Mapping[str, float]) -> dict[str, float]:
-    return dict(given) if isinstance(given, Mapping) else dict(map(assignment, texts(given)))

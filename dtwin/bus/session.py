@@ -8,7 +8,6 @@ import logging
 import threading
 from collections import Counter
 from collections.abc import Callable
-from types import TracebackType
 from typing import Any, Final
 
 import msgspec
@@ -26,6 +25,7 @@ from dtwin.bus.topics.topic import Topic
 from dtwin.errors import ParameterError
 from dtwin.names import check_name
 from dtwin.terminal import printable
+from iec61499.net.closing import Closing
 
 log = logging.getLogger(__name__)
 
@@ -84,7 +84,7 @@ class Subscription:
         self._end()
 
 
-class Bus:
+class Bus(Closing):
     """One Zenoh session and the typed topics of one arm.
 
     Args:
@@ -118,14 +118,6 @@ class Bus:
         self._key = key
         self._declared: list[Any] = []
         self._queriers: dict[tuple[str, float], zenoh.Querier] = {}
-
-    def __enter__(self) -> Bus:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def close(self) -> None:
         """Closes the session; its liveliness tokens and subscriptions end with it.

@@ -1,4 +1,4 @@
-"""Settings of the controller that were designed for one arm, as the arm's record keeps them."""
+"""Settings of the controller that were designed for one arm, as its record or the file of a search keeps them."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import msgspec
 
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import ModelError
+from dtwin.parameters import Gains
 
 NotNegative = Annotated[float, msgspec.Meta(ge=0.0)]
 
@@ -53,6 +54,18 @@ class ProposedSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     remarks: list[str]
 
 
+class SavedTuning(msgspec.Struct, frozen=True, kw_only=True):
+    """What `dtwin optimise --save` writes.
+
+    Attributes:
+        target_time: duration of every motion, s; None for that in force.
+        gains: gains of the control law.
+    """
+
+    target_time: float | None = None
+    gains: Gains
+
+
 class _Record(msgspec.Struct):
     """What the record of an arm says of settings."""
 
@@ -74,3 +87,17 @@ def read_settings(path: Path) -> ControlSettings:
     if proposed.refused:
         raise ModelError(f"{path}: its settings must not be used: {proposed.refused}")
     return proposed.control
+
+
+def read_tuning(path: Path) -> SavedTuning:
+    """The gains and the target time that an optimisation has saved.
+
+    Raises:
+        ModelError: the file is missing or no such file.
+    """
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=SavedTuning)
+    except OSError as error:
+        raise ModelError(f"{path}: {error.strerror}") from None
+    except msgspec.MsgspecError as error:
+        raise ModelError(f"{path}: expected gains as dtwin optimise saves them: {error}") from None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from types import TracebackType
 from typing import Final, Protocol
 
 from dtwin.controller.ports import EMULATOR, received_voltages, sensor_values
@@ -11,6 +10,7 @@ from dtwin.parameters import JointVector
 from dtwin.signals import Event, Sensors, Voltages
 from iec61499.net.address import StreamAddress
 from iec61499.net.client import BlockingClient
+from iec61499.net.closing import Closing
 
 TIMEOUT: Final = 1.0
 """Longest wait for every answer, s."""
@@ -29,7 +29,7 @@ class Shadow(Protocol):
         """What the sequence has told since the last call."""
 
 
-class RemoteController:
+class RemoteController(Closing):
     """A controller behind a port, and its shadow in this process.
 
     The desired angles of the path are not sent over TCP; they are taken from the shadow.
@@ -50,14 +50,6 @@ class RemoteController:
         self.largest_difference = 0.0
         self._shadow = shadow
         self._client = BlockingClient(address, EMULATOR.receives, EMULATOR.sends, timeout)
-
-    def __enter__(self) -> RemoteController:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def close(self) -> None:
         """Closes the connection."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from types import TracebackType
 from typing import Any, Final
 
 from dtwin.errors import CommunicationError
@@ -12,6 +11,7 @@ from dtwin.line.system import plant_of, setup_of
 from iec61499.model import System
 from iec61499.net.address import parse_block_id
 from iec61499.net.client import BlockingClient
+from iec61499.net.closing import Closing
 from iec61499.net.wire import Signature
 from iec61499.types import BOOL, DINT, DataType
 
@@ -21,7 +21,7 @@ _RETRY: Final = 50
 """Number of samples that a device which does not answer is spared before it is tried again."""
 
 
-class Served:
+class Served(Closing):
     """The blocks of a line on devices elsewhere, such as those of `dtwin fb run --all`; a context manager.
 
     A device that has ended, or does not answer in time, is connected to again later.
@@ -56,14 +56,6 @@ class Served:
         except CommunicationError:
             self.close()
             raise
-
-    def __enter__(self) -> Served:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def close(self) -> None:
         """Ends the connections."""

@@ -59,7 +59,8 @@ class Trial:
         predicted: largest distance of each joint from its path that the twin predicted, rad.
 
     Attributes:
-        began: plant time of the first sample that was judged, s, with which the trial begins; infinite before.
+        began: plant time of the first sample, s, with which the trial begins, whether it could be judged or its command
+            was late; infinite before.
         measured: largest distance of each joint that counted so far, rad.
         bounds: bounds of the distance of each joint from the next motion on, rad.
         offender: joint, from 1, that failed, or 0 for none; a trial that fails without one could not judge the arm.
@@ -124,11 +125,16 @@ class Trial:
         After several in a row the distance is that of another voltage. It counts again when it has been within the
         bounds for a while, or was given the time for that.
         """
+        self.began = min(self.began, time)
         self._late = self._late + 1 if time < self._late_at + 1.5 * PERIOD else 1
         self._late_at = time
         if self._late >= self._rules.late:
             self._disturbed, self._counts, self._moved, self._since = True, False, False, time
             self._calm = self._beyond = 0
+
+    def is_over(self, time: float) -> bool:
+        """Whether it has lasted as long as it may at a plant time (s), whatever was judged."""
+        return time >= self.began + self._rules.longest
 
     def why(self) -> str:
         """Why it failed."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import takewhile
-from types import TracebackType
 from typing import Final
 
 from iec61499.errors import CommunicationError
@@ -31,6 +30,7 @@ from iec61499.management.protocol import (
 )
 from iec61499.net.address import StreamAddress
 from iec61499.net.client import BlockingClient
+from iec61499.net.closing import Closing
 from iec61499.net.wire import Message
 
 _RESET: Final[tuple[RequestAction, ...]] = ("KILL", "RESET", "START")
@@ -45,7 +45,7 @@ Step = tuple[str, RequestAction, Subject | None]
 """A resource, or "" for the device, what is asked of it, and for what."""
 
 
-class ManagementClient:
+class ManagementClient(Closing):
     """One management session.
 
     Every method but `request` and `request_all` raises ManagementError when the device refuses, and
@@ -65,14 +65,6 @@ class ManagementClient:
         self._client = self._connected()
         self._number = 0
         self._taken: int | None = None
-
-    def __enter__(self) -> ManagementClient:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def close(self) -> None:
         self._client.close()

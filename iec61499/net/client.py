@@ -6,17 +6,17 @@ import select
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import islice
-from types import TracebackType
 
 from iec61499.errors import CommunicationError
 from iec61499.net.address import StreamAddress
+from iec61499.net.closing import Closing
 from iec61499.net.encoding import Value
 from iec61499.net.sockets import connected_socket
 from iec61499.net.stream import CHUNK
 from iec61499.net.wire import Message, MessageReader, Signature
 
 
-class BlockingClient:
+class BlockingClient(Closing):
     """Sends a message, waits for the answer.
 
     Args:
@@ -39,14 +39,6 @@ class BlockingClient:
         self._reader = MessageReader(receives)
         self._sock = connected_socket(address, timeout)
         self.lost = False
-
-    def __enter__(self) -> BlockingClient:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def exchange(self, values: Sequence[Value]) -> Message:
         """The answer to a request.

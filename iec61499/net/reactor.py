@@ -10,8 +10,9 @@ import socket
 import time
 from collections import deque
 from collections.abc import Callable
-from types import TracebackType
 from typing import Final
+
+from iec61499.net.closing import Closing
 
 READ: Final = selectors.EVENT_READ
 WRITE: Final = selectors.EVENT_WRITE
@@ -35,7 +36,7 @@ class Timer:
         self.callback = None
 
 
-class Reactor:
+class Reactor(Closing):
     """Waits for sockets and timers and calls back, always in the thread that calls `run`.
 
     Only `stop` and `call_soon_threadsafe` may be called from another thread, `stop` also from a signal handler.
@@ -64,14 +65,6 @@ class Reactor:
         self._wake_receiver.setblocking(False)
         self._wake_sender.setblocking(False)
         self.watch(self._wake_receiver, READ, self._drain)
-
-    def __enter__(self) -> Reactor:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def now(self) -> float:
         """The time on the monotonic clock, which timers follow, s."""

@@ -11,6 +11,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Final
 
 from iec61499 import model
@@ -136,8 +137,7 @@ def system_commands(system: model.System, library: Library, client: ManagementCl
     made: list[Command] = []
     for resource in device.resources:
         network = resource_network(system, f"{device.name}.{resource.name}")
-        plan = suited(client, lambda export: plan_deployment(resource.name, network, library, None, export))  # noqa: B023
-        made += plan.commands
+        made += suited(client, partial(plan_deployment, resource.name, network, library, None)).commands
     return made
 
 

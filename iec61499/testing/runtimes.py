@@ -80,7 +80,38 @@ class _Notes:
         """Values are no events."""
 
 
-class EmbeddedRuntime:
+class _Simulated(Runtime):
+    """The block in a resource whose time is simulated."""
+
+    _library: Library
+    _resource: Resource | HostedResource
+
+    def fire(self, event: str) -> None:
+        self._resource.trigger(f"{probe.BLOCK}.{event}")
+        self._resource.run_until_idle()
+
+    def advance(self, duration: int) -> None:
+        self._resource.advance(duration)
+
+    def due(self) -> int | None:
+        timer = self._resource.next_timer()
+        return None if timer is None else timer - self._resource.time
+
+    def wait(self, number: int) -> tuple[Issued, ...]:
+        return _waited(self, number)
+
+    def read(self, name: str) -> Any:
+        return self._resource.read(f"{probe.BLOCK}.{name}")
+
+    def write(self, name: str, value: Any) -> None:
+        self._resource.write(f"{probe.BLOCK}.{name}", value)
+
+    def close(self) -> None:
+        if isinstance(self._library, CoveredLibrary):
+            self._library.collect(self._resource)
+
+
+class EmbeddedRuntime(_Simulated):
     """The block in a resource of this process, whose time is simulated."""
 
     def __init__(self, kind: model.LibraryElement, library: Library, parameters: Mapping[str, str]) -> None:
@@ -92,37 +123,13 @@ class EmbeddedRuntime:
         self._resource.change(network, Operation(observers=(self._notes,)))
         self._resource.start()
 
-    def fire(self, event: str) -> None:
-        self._resource.trigger(f"{probe.BLOCK}.{event}")
-        self._resource.run_until_idle()
-
-    def advance(self, duration: int) -> None:
-        self._resource.advance(duration)
-
-    def due(self) -> int | None:
-        timer = self._resource.next_timer()
-        return None if timer is None else timer - self._resource.time
-
-    def wait(self, number: int) -> tuple[Issued, ...]:
-        return _waited(self, number)
-
     def issued(self) -> tuple[Issued, ...]:
         found = tuple(self._notes.events)
         self._notes.events.clear()
         return found
 
-    def read(self, name: str) -> Any:
-        return self._resource.read(f"{probe.BLOCK}.{name}")
 
-    def write(self, name: str, value: Any) -> None:
-        self._resource.write(f"{probe.BLOCK}.{name}", value)
-
-    def close(self) -> None:
-        if isinstance(self._library, CoveredLibrary):
-            self._library.collect(self._resource)
-
-
-class NativeRuntime:
+class NativeRuntime(_Simulated):
     """The block as machine code. Of several events of one call the values are those after the last."""
 
     def __init__(self, kind: model.LibraryElement, library: Library, parameters: Mapping[str, str]) -> None:
@@ -131,20 +138,6 @@ class NativeRuntime:
         library.add(probe.probe_type(kind))
         self._resource = HostedResource(probe.network(kind, parameters), library)
         self._resource.start()
-
-    def fire(self, event: str) -> None:
-        self._resource.trigger(f"{probe.BLOCK}.{event}")
-        self._resource.run_until_idle()
-
-    def advance(self, duration: int) -> None:
-        self._resource.advance(duration)
-
-    def due(self) -> int | None:
-        timer = self._resource.next_timer()
-        return None if timer is None else timer - self._resource.time
-
-    def wait(self, number: int) -> tuple[Issued, ...]:
-        return _waited(self, number)
 
     def issued(self) -> tuple[Issued, ...]:
         outputs = self._kind.interface.event_outputs
@@ -155,16 +148,6 @@ class NativeRuntime:
             (outputs[number].name, {name: self.read(name) for name in outputs[number].with_variables})
             for number in log
         )
-
-    def read(self, name: str) -> Any:
-        return self._resource.read(f"{probe.BLOCK}.{name}")
-
-    def write(self, name: str, value: Any) -> None:
-        self._resource.write(f"{probe.BLOCK}.{name}", value)
-
-    def close(self) -> None:
-        if isinstance(self._library, CoveredLibrary):
-            self._library.collect(self._resource)
 
 
 def _waited(running: Runtime, number: int) -> tuple[Issued, ...]:

@@ -28,7 +28,7 @@ from dtwin.controller.chain.model import held_inputs
 from dtwin.equations.rigid import usual_inertia
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.run.chain import ChainSettings
-from dtwin.services.chain.device import DeviceBlocks
+from dtwin.services.chain.device import DeviceBlocks, JudgedBlocks
 from dtwin.services.chain.options import ArmCellOptions
 from dtwin.services.parts.recent import Backlog
 from dtwin.services.parts.rows import LOSSLESS_PATIENCE
@@ -256,7 +256,7 @@ class GivenSettings:
         return wished
 
 
-class OwnBlocks:
+class OwnBlocks(JudgedBlocks):
     """The function blocks in this process, which one thread steps and others ask for their stop.
 
     Args:
@@ -298,18 +298,6 @@ class OwnBlocks:
             self.stop = STOPS[self._controller.stop]
             self.doubted = self._controller.doubted if self.stop != "none" else 0
             return JointCommands(sample.sequence, sample.time, commands, target, bool(self._controller.grips))
-
-    def now(self) -> Stop:
-        """The stop in force."""
-        return self.judge("nominal", 0.0)
-
-    def judge(self, state: ArmState, confidence: float) -> Stop:
-        """Sends a verdict on the arm and its probability."""
-        return self._judge(state, confidence, release=False)
-
-    def release(self) -> Stop:
-        """Sends an operator's release."""
-        return self._judge("nominal", 0.0, release=True)
 
     def _judge(self, state: ArmState, confidence: float, release: bool) -> Stop:
         with self._lock:

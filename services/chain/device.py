@@ -42,7 +42,31 @@ _STOP: Final = f"{chain.STOP}.STOP"
 _VERDICT: Final = Port(chain.VERDICT, chain.VERDICT_PORT, Signature([DINT, LREAL, BOOL]), Signature([DINT]))
 
 
-class DeviceBlocks:
+class JudgedBlocks:
+    """Blocks that hear verdicts on the arm and releases, and answer with the stop in force."""
+
+    def now(self) -> Stop:
+        """The stop in force."""
+        return self.judge("nominal", 0.0)
+
+    def judge(self, state: ArmState, confidence: float) -> Stop:
+        """Sends a verdict on the arm and its probability."""
+        return self._judge(state, confidence, release=False)
+
+    def release(self) -> Stop:
+        """Sends an operator's release."""
+        return self._judge("nominal", 0.0, release=True)
+
+    def _judge(self, state: ArmState, confidence: float, release: bool) -> Stop:
+        """Sends both and returns the stop.
+
+        Raises:
+            CommunicationError: the blocks do not answer.
+        """
+        raise NotImplementedError
+
+
+class DeviceBlocks(JudgedBlocks):
     """Blocks on a device, as the bridge uses them.
 
     Args:
@@ -113,18 +137,6 @@ class DeviceBlocks:
         target, counts = watched[: len(self._names)], watched[len(self._names) :]
         self.stop, self.doubted = STOPS[int(stop)], chain.first_doubted(counts)
         return JointCommands(sample.sequence, sample.time, tuple(commands), tuple(target), bool(grips))
-
-    def now(self) -> Stop:
-        """The stop in force."""
-        return self.judge("nominal", 0.0)
-
-    def judge(self, state: ArmState, confidence: float) -> Stop:
-        """Sends a verdict on the arm and its probability."""
-        return self._judge(state, confidence, release=False)
-
-    def release(self) -> Stop:
-        """Sends an operator's release."""
-        return self._judge("nominal", 0.0, release=True)
 
     def _judge(self, state: ArmState, confidence: float, release: bool) -> Stop:
         with self._lock:

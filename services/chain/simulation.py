@@ -134,7 +134,8 @@ class Uploading:
             elif isinstance(item, JointAdjustment):
                 self._offset = item.offset
             elif isinstance(item, _Mark):
-                self._marks -= 1
+                with self._lock:
+                    self._marks -= 1
             if service.report_due():
                 self._look_again()
                 service.report("running", self._done, time=self._time)
@@ -171,10 +172,10 @@ class Uploading:
             with self._lock:
                 if self._uploads is not None and self._uploads.on_trial and not self._marks:
                     try:
-                        if tick.acted.sequence != sensors.sequence:  # a command for an earlier sample acts on
-                            self._uploads.miss(sensors.time)
-                            continue
-                        entry = self._uploads.observe(sensors.time, tick.acted.target, measured)
+                        if tick.acted.sequence == sensors.sequence:
+                            entry = self._uploads.observe(sensors.time, tick.acted.target, measured)
+                        else:  # a command for an earlier sample acts on
+                            entry = self._uploads.miss(sensors.time)
                     except DtwinError as error:
                         log.error("%s", error)
             if entry is not None:

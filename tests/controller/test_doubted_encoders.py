@@ -8,8 +8,12 @@ import numpy as np
 import pytest
 
 from dtwin.arm.poses import Poses
+from dtwin.controller.chain.application import inputs
+from dtwin.controller.chain.embedded import ChainController
 from dtwin.controller.chain.encoders import repeats
 from dtwin.emulation.chain.faults import parse_chain_fault
+from dtwin.emulation.chain.plant import ChainPlant
+from dtwin.equations.rigid import usual_inertia
 from dtwin.run.arm_cell import ArmCell
 from dtwin.run.chain import ChainRun, run
 
@@ -80,3 +84,25 @@ def test_a_small_jump_is_taken_over_slowly() -> None:
     assert (ran.stop, told) == (0, 0)
     assert speed.max() < 0.2
     assert abs(ran.error[-1, 1] - 0.03) < 0.015
+
+
+@pytest.mark.parametrize("begin", [1267, 1752, 2431])
+def test_blocks_that_begin_anew_in_mid_motion_doubt_no_encoder(begin: int) -> None:
+    """As those of a bridge whose predecessor was killed; at these ticks one joint or both are moving."""
+    settings = ArmCell(arm="planar-2r", machine="7").settings(30.0)
+    poses = settings.poses
+
+    def begun() -> ChainController:
+        arm = settings.arm
+        return ChainController(len(arm), inputs(arm, usual_inertia(arm), settings.control, poses))
+
+    plant = ChainPlant(settings.machine, poses.positions[0], 0, settings.late, ())
+    blocks, read = begun(), plant.read()
+    for tick in range(begin + 150):
+        before, read = read, plant.read()
+        if tick == begin:
+            assert np.abs(read - before).max() > 0.3 * settings.arm.period, "it moves"
+            blocks = begun()
+        plant.apply(blocks.step(read.tolist()))
+        plant.advance()
+        assert blocks.stop == 0, tick - begin

@@ -109,6 +109,18 @@ def test_late_commands_tell_nothing_of_a_model(tmp_path: Path) -> None:
     assert moved(found, 10.5, 0.005) == ["confirm"]
 
 
+def test_a_trial_of_an_arm_that_obeys_nothing_ends(tmp_path: Path) -> None:
+    """One that was stopped before its first sample with the new settings has no sample that could be judged."""
+    blocks = FakeBlocks()
+    found = uploads(tmp_path, blocks)
+    found.upload("ann", "identified", 1, OTHER, 5.0)
+    entries = [found.miss(10.0 + k / 100) for k in range(3001)]
+    assert not any(entries[:3000])
+    assert entries[3000] is not None
+    assert (entries[3000].action, blocks.settings, found.on_trial) == ("roll back", SHEET, False)
+    assert "could not be judged within 30 s" in entries[3000].why
+
+
 def test_what_must_not_be_uploaded_is_refused_and_noted(tmp_path: Path) -> None:
     blocks = FakeBlocks()
     found = uploads(tmp_path, blocks)

@@ -9,10 +9,9 @@ import msgspec
 import numpy as np
 import pytest
 
-from dtwin.bus.twin_messages import Upload, UploadRequest
 from dtwin.commands.simulation.upload import UploadGains, UploadModel
 from dtwin.controller.proposed import read_settings
-from dtwin.controller.settings import Compensation, usual_gains
+from dtwin.controller.settings import Compensation
 from dtwin.errors import ModelError, ParameterError
 from dtwin.identification.machine.record import EncoderCheck, MachineRecord, read_record, write_record
 from dtwin.parameters import ArmParameters
@@ -39,9 +38,6 @@ def few_poles() -> Iterator[None]:
         patch.setattr(design, "VELOCITY_POLES", (15.0,))
         patch.setattr(proposal, "poses", places)
         yield
-
-
-IN_FORCE = Upload(1, 0.0, "start", "", False, usual_gains("computed_torque"), 2.0, "cascade", ArmParameters())
 
 
 def told(record: MachineRecord, told: bool, *names: str) -> MachineRecord:
@@ -144,14 +140,13 @@ def test_a_record_gives_its_settings_to_runs_and_uploads(arm: Path) -> None:
     assert ControlOptions(tuned=arm, target_time=3.0).control() == replace(proposed.control, target_time=3.0)
     with pytest.raises(ParameterError, match="--tuned: expected no --dead-zone beside it"):
         ControlOptions(tuned=arm, dead_zone=0.1).control()
-    blank, now = UploadRequest("anna", "commissioned", 1), IN_FORCE
-    assert UploadGains(why="", commissioned=arm).change(blank, now).gains == proposed.control.gains
-    assert UploadModel(why="", commissioned=arm).change(blank, now).model == proposed.control.model
+    assert UploadGains(why="", commissioned=arm).change()["gains"] == proposed.control.gains
+    assert UploadModel(why="", commissioned=arm).change() == {"model": proposed.control.model}
     with pytest.raises(ParameterError, match="--commissioned: expected no --file beside it"):
-        UploadGains(why="", commissioned=arm, file=arm).change(blank, now)
+        UploadGains(why="", commissioned=arm, file=arm).change()
     for wrong in (UploadModel(why=""), UploadModel(why="", model="arm", commissioned=arm)):
         with pytest.raises(ParameterError, match="expected either --model or --commissioned"):
-            wrong.change(blank, now)
+            wrong.change()
 
 
 def test_settings_that_are_refused_and_records_without_any_are_not_taken(arm: Path, tmp_path: Path) -> None:

@@ -74,9 +74,11 @@ def model(values: ArmParameters) -> Action:
 def test_sending_the_same_again_changes_no_voltage(tmp_path: Path, checker: Checker, desk: UploadingCell) -> None:
     undisturbed = Cell(CellSettings(duration=20.0, seed=1))
     undisturbed.run()
-    send_gains = lambda uploader, at: desk.port.put(TUNING, ControlSettings())  # noqa: E731 - one line of a table
-    send_model = lambda uploader, at: desk.port.put(MODEL, ControlSettings())  # noqa: E731 - one line of a table
-    log = desk.run(20.0, {float(k): send_gains if k % 2 else send_model for k in range(1, 20)})
+
+    def send(what: tuple[str, ...]) -> Action:
+        return lambda uploader, at: desk.port.put(what, ControlSettings())
+
+    log = desk.run(20.0, {float(k): send(TUNING if k % 2 else MODEL) for k in range(1, 20)})
     assert log.stack("volts").tobytes() == undisturbed.log.freeze().stack("volts").tobytes()
 
 

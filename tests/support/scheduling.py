@@ -23,7 +23,7 @@ _WAITING: Final = (
     "tests/commissioning/test_collection.py",
     "tests/console/",
     "tests/controller/",
-    "tests/experiments/test_soak.py",
+    "tests/evidence/test_soak.py",
     "tests/iec61499/deploy/",
     "tests/iec61499/device/",
     "tests/iec61499/management/",

@@ -10,8 +10,8 @@ from dtwin.api.arguments import AnyPath, checked
 from dtwin.api.live import LiveCell
 from dtwin.arm.model import ArmModel
 from dtwin.bus.chain.messages import JointPredicted, JointQuestion, JointUpload, JointUploadRequest
-from dtwin.bus.messages import ARM_PREDICT, ARM_UPLOAD
-from dtwin.emulation.chain.arms import arm_of
+from dtwin.bus.messages import ARM_PREDICT, ARM_ROLL_BACK, ARM_UPLOAD
+from dtwin.bus.twin_messages import RollBackRequest
 from dtwin.errors import ParameterError
 from dtwin.services.runfile import join
 
@@ -44,7 +44,7 @@ class LiveArm(LiveCell):
         Raises:
             CommunicationError: there is no such service, nothing has been measured, or it refuses a value.
         """
-        known = None if model is None else ArmModel.of(arm_of(str(model)))
+        known = _model_of(model)
         return self.bus.ask(ARM_PREDICT, JointQuestion(pole, observer, speed, payload, known), JointPredicted)
 
     def arm_settings(self) -> JointUpload:
@@ -88,12 +88,34 @@ class LiveArm(LiveCell):
         given = {name: value for name, value in tuned.items() if value is not None}
         if (model is None and not given) == (version is None):
             raise ParameterError("upload arm: expected a file, `pole`, `observer` or `speed`, or `version` alone")
-        known = None if model is None else ArmModel.of(arm_of(str(model)))
+        known = _model_of(model)
         now = self.arm_settings()
         seen = now.version if based_on is None else based_on
         tuning = replace(now.tuning, **given) if given else None
         request = JointUploadRequest(who or getpass.getuser(), why, seen, known, version, tuning)
         return self.bus.ask(ARM_UPLOAD, request, JointUpload)
+
+    @checked
+    def roll_back_arm(self, why: str = "by hand", *, who: str | None = None) -> JointUpload:
+        """Puts the model and the tuning before those on trial into force again, at once and without a check.
+
+        Args:
+            why: reason, for the history.
+            who: name, for the history; None for the login name.
+
+        Raises:
+            CommunicationError: nothing is on trial, or nobody answers.
+        """
+        return self.bus.ask(ARM_ROLL_BACK, RollBackRequest(who or getpass.getuser(), why), JointUpload)
+
+
+def _model_of(arm: AnyPath | None) -> ArmModel | None:
+    """The model of an arm that is given by name or file; None for none."""
+    if arm is None:
+        return None
+    from dtwin.emulation.chain.arms import arm_of  # Who only asks needs no MuJoCo, which reads models of arms.
+
+    return ArmModel.of(arm_of(str(arm)))
 
 
 @checked

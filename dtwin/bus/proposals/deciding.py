@@ -118,6 +118,10 @@ def decide(bus: Bus, decision: ProposalDecision, doors: Mapping[Kind, Door], kep
     return decided if outcome is None else _report(bus, kept, decision, outcome)
 
 
+def _reason(proposal: Proposal) -> str:
+    return f"proposal {proposal.number} of {proposal.request.who}: {proposal.request.why}"[:1000]
+
+
 def _report(bus: Bus, kept: Kept, decision: ProposalDecision, outcome: str) -> Proposal:
     told = msgspec.structs.replace(decision, action="report", text=outcome[:1000])
     return bus.ask(kept.decide, told, Proposal)
@@ -126,24 +130,21 @@ def _report(bus: Bus, kept: Kept, decision: ProposalDecision, outcome: str) -> P
 def _upload(bus: Bus, proposal: Proposal, who: str) -> str:
     change = proposal.request.change
     assert change is not None
-    why = f"proposal {proposal.number} of {proposal.request.who}: {proposal.request.why}"[:1000]
-    done = bus.ask(UPLOAD, msgspec.structs.replace(change, who=who, why=why), Upload)
+    done = bus.ask(UPLOAD, msgspec.structs.replace(change, who=who, why=_reason(proposal)), Upload)
     return f"version {done.version} in force{', on trial' if done.on_trial else ''}"
 
 
 def _set_up(bus: Bus, proposal: Proposal, who: str) -> str:
     change = proposal.request.set_up
     assert change is not None
-    why = f"proposal {proposal.number} of {proposal.request.who}: {proposal.request.why}"[:1000]
-    done = bus.ask(SET_UP, msgspec.structs.replace(change, who=who, why=why), SetUpDone)
+    done = bus.ask(SET_UP, msgspec.structs.replace(change, who=who, why=_reason(proposal)), SetUpDone)
     return f"version {done.version} of the set-up in force, {done.effect.rate:.1f} boxes/h expected"
 
 
 def _settle(bus: Bus, proposal: Proposal, who: str) -> str:
     found = proposal.request.settle
     assert found is not None
-    why = f"proposal {proposal.number} of {proposal.request.who}: {proposal.request.why}"[:1000]
-    bus.ask(LINE_SETTLE, StationWord(who, why, found.station), LineState)
+    bus.ask(LINE_SETTLE, StationWord(who, _reason(proposal), found.station), LineState)
     return f"{found.station} works with {found.settings}"
 
 

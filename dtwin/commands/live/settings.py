@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-import msgspec
-
-from dtwin.bus.twin_messages import Upload, UploadRequest
 from dtwin.commands.simulation.upload import UploadCommand, UploadGains, UploadTarget
-from dtwin.parameters import assignment, load_arm
+from dtwin.parameters import load_arm
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,10 +35,8 @@ class ModelSet(UploadCommand):
     set: tuple[str, ...] = ()
     """One parameter, e.g. m1=0.12; repeatable."""
 
-    def change(self, request: UploadRequest, now: Upload) -> UploadRequest:
-        model = now.model if self.file is None else load_arm(self.file)
-        model = model.with_values(dict(assignment(text) for text in self.set))
-        return msgspec.structs.replace(request, model=model)
+    def change(self) -> dict[str, Any]:
+        return {"model": None if self.file is None else load_arm(self.file), "set": self.set}
 
 
 @dataclass(frozen=True, kw_only=True)

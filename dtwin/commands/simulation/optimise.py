@@ -15,6 +15,7 @@ from rich.table import Table
 from dtwin.api.optimisation import optimise
 from dtwin.commands.frame import WorkforceOption, arguments_as_options
 from dtwin.commands.simulation.optimise_arm import other_cell, search_arm
+from dtwin.controller.proposed import SavedTuning
 from dtwin.controller.runtime import RuntimeOption
 from dtwin.controller.settings import APPLICATION_LAW, usual_gains
 from dtwin.errors import ParameterError
@@ -128,7 +129,7 @@ class Optimise(CellFileOption, RuntimeOption, WorkforceOption):
             draw_front(found, self.plot)
         if self.save is not None and not found.best.broken:
             with replacing(self.save) as temporary:
-                content = {"target_time": found.best.target_time, "gains": found.best.gains}
+                content = SavedTuning(target_time=found.best.target_time, gains=found.best.gains)
                 temporary.write_bytes(msgspec.json.format(msgspec.json.encode(content)) + b"\n")
         if self.json:
             print_json(_report(found))

@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-import getpass
-import sys
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-import msgspec
 import tyro
 
 from dtwin.api.live import connect
-from dtwin.bus.chain.messages import JointUpload
-from dtwin.bus.messages import ARM_ROLL_BACK
-from dtwin.bus.twin_messages import RollBackRequest, Upload, UploadRequest
 from dtwin.commands.simulation.trial import outcome
 from dtwin.controller.proposed import read_settings
-from dtwin.errors import ModelError, ParameterError
-from dtwin.identification.store import STORE, ModelStore, open_model
-from dtwin.parameters import ArmParameters, CellJoints, Gains
+from dtwin.errors import ParameterError
+from dtwin.identification.store import STORE
+from dtwin.parameters import CellJoints
 from dtwin.services import runfile
 from dtwin.terminal import print_json
 
@@ -42,12 +37,15 @@ class RollBack(_Request):
     """Put the settings before those on trial into force again, at once and without a check: they were in force."""
 
     def execute(self) -> int:
-        with connect(self.cell, zenoh=self.zenoh) as cell:
-            if runfile.has_other_arm(self.cell, self.zenoh):
-                request = RollBackRequest(self.who or getpass.getuser(), self.why)
-                print_json(cell.bus.ask(ARM_ROLL_BACK, request, JointUpload))
-            else:
-                print_json(cell.roll_back(self.why, who=self.who or None))
+        who = self.who or None
+        if runfile.has_other_arm(self.cell, self.zenoh):
+            from dtwin.api.arm.live import connect_arm  # Uploads to the thesis's arm need no models of others.
+
+            with connect_arm(self.cell, zenoh=self.zenoh) as arm:
+                print_json(arm.roll_back_arm(self.why, who=who))
+        else:
+            with connect(self.cell, zenoh=self.zenoh) as cell:
+                print_json(cell.roll_back(self.why, who=who))
         return 0
 
 
@@ -66,31 +64,19 @@ class UploadCommand(_Request):
 
     def execute(self) -> int:
         with connect(self.cell, zenoh=self.zenoh) as cell:
-            now = cell.settings()
-            request = UploadRequest(
-                who=self.who or getpass.getuser(),
+            answer = cell.upload(
+                **self.change(),
+                arm=self.arm,
+                store=self.store,
+                based_on=self.based_on,
                 why=self.why,
-                based_on=now.version if self.based_on is None else self.based_on,
-                arm=None if self.arm is None else self._model(self.arm),
+                who=self.who or None,
             )
-            return outcome(cell.send(self.change(request, now)), cell.settings, self.wait)
+            return outcome(answer, cell.settings, self.wait)
 
-    def change(self, request: UploadRequest, now: Upload) -> UploadRequest:
-        """The request with what shall change."""
+    def change(self) -> dict[str, Any]:
+        """What shall change, as arguments of LiveCell.upload."""
         raise NotImplementedError
-
-    def _model(self, reference: str) -> ArmParameters:
-        model = open_model(reference, ModelStore(self.store))
-        if doubts := model.validity.doubts:
-            print(f"dtwin: model {reference} is in doubt: {doubts}", file=sys.stderr)
-        return model.arm
-
-
-class SavedSettings(msgspec.Struct, frozen=True):
-    """What `dtwin optimise --save` writes."""
-
-    gains: Gains
-    target_time: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,15 +94,11 @@ class UploadGains(UploadCommand):
     commissioned: Path | None = None
     """Record of the arm that dtwin commission wrote, with the gains that it proposes."""
 
-    def change(self, request: UploadRequest, now: Upload) -> UploadRequest:
+    def change(self) -> dict[str, Any]:
         if self.file is not None and self.commissioned is not None:
             raise ParameterError("--commissioned: expected no --file beside it")
-        tuning = SavedSettings(now.gains) if self.file is None else _read(self.file)
-        if self.commissioned is not None:
-            tuning = SavedSettings(read_settings(self.commissioned).gains)
-        given = {name: value for name in ("kp", "ki", "kd") if (value := getattr(self, name)) is not None}
-        gains = replace(tuning.gains, **given)
-        return msgspec.structs.replace(request, gains=gains, target_time=tuning.target_time)
+        gains = self.file if self.commissioned is None else read_settings(self.commissioned).gains
+        return {"gains": gains, "kp": self.kp, "ki": self.ki, "kd": self.kd}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,8 +108,8 @@ class UploadTarget(UploadCommand):
     time: float
     """s"""
 
-    def change(self, request: UploadRequest, now: Upload) -> UploadRequest:
-        return msgspec.structs.replace(request, target_time=self.time)
+    def change(self) -> dict[str, Any]:
+        return {"target_time": self.time}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,14 +121,10 @@ class UploadModel(UploadCommand):
     commissioned: Path | None = None
     """Record of the arm that dtwin commission wrote, with the model that it proposes."""
 
-    def change(self, request: UploadRequest, now: Upload) -> UploadRequest:
-        if self.commissioned is not None and self.model is None:
-            model = read_settings(self.commissioned).model
-        elif self.model is not None and self.commissioned is None:
-            model = self._model(self.model)
-        else:
+    def change(self) -> dict[str, Any]:
+        if (self.model is None) == (self.commissioned is None):
             raise ParameterError("expected either --model or --commissioned")
-        return msgspec.structs.replace(request, model=model)
+        return {"model": self.model if self.commissioned is None else read_settings(self.commissioned).model}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -156,14 +134,5 @@ class UploadVersion(UploadCommand):
     version: tyro.conf.Positional[int]
     """Number of the version. What differs must be gains and target time or the model: both are two messages."""
 
-    def change(self, request: UploadRequest, now: Upload) -> UploadRequest:
-        return msgspec.structs.replace(request, version=self.version)
-
-
-def _read(path: Path) -> SavedSettings:
-    try:
-        return msgspec.json.decode(path.read_bytes(), type=SavedSettings)
-    except OSError as error:
-        raise ModelError(f"{path}: {error.strerror}") from None
-    except msgspec.MsgspecError as error:
-        raise ModelError(f"{path}: expected gains as dtwin optimise saves them: {error}") from None
+    def change(self) -> dict[str, Any]:
+        return {"version": self.version}

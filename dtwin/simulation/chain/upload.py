@@ -203,10 +203,21 @@ class ArmUploads:
         self.trial = self._before = None
         return self.last
 
-    def miss(self, time: float) -> None:
-        """Takes note that the command which answers the sample of a plant time (s) came late or never."""
-        if self.trial is not None:
-            self.trial.miss(time)
+    def miss(self, time: float) -> ArmEntry | None:
+        """Takes note that the command which answers the sample of a plant time (s) came late or never.
+
+        Returns:
+            The entry of the history if this ends the trial: an arm that is stopped obeys nothing, and cannot be
+            judged.
+
+        Raises:
+            CommunicationError: the blocks do not take the old settings.
+        """
+        trial = self.trial
+        if trial is None:
+            return None
+        trial.miss(time)
+        return self.roll_back(SELF, trial.why(), time, trial.measured) if trial.is_over(time) else None
 
     def _record(
         self,
