@@ -237,7 +237,7 @@ def disturbed(line: Line, events: int, seed: int, progress: Progress = lambda do
 class ExperimentLineKills(ExperimentCommand[list[KillOutcome]]):
     """End and freeze the processes that control a line at random, while it works.
 
-    Fails when a box is lost or leaves unfinished, vehicles touch, blocks do not answer again, or none leaves afterwards.
+    Fails when a box is lost or leaves unfinished, vehicles touch, blocks stay away, or no box leaves afterwards.
     """
 
     name: ClassVar = "line-kills"
