@@ -35,7 +35,7 @@ _SERVICES: Final = (
 )
 _LINE: Final = (
     *("waits", "works", "stopped", "blocked", "home", "empty", "loaded", "charges", "finding", "set-up", "proposal"),
-    *("none possible", "no answer", "answers again", "repair", "overall twin", TWIN),
+    *("none possible", "no finding", "no answer", "answers again", "repair", "overall twin", TWIN),
     *(*get_args(Ability), *get_args(Mode)),
 )
 WORDS: Final = frozenset(

@@ -62,6 +62,7 @@ class KillOutcome:
         back: time after it was back until all blocks answered, s; None if that did not happen.
         left: boxes that left the line meanwhile and afterwards.
         lost, collisions: boxes lost and vehicles that touched, since the last outcome.
+        unfinished: boxes that left though something was still to be done to them, since then.
     """
 
     device: str
@@ -70,11 +71,12 @@ class KillOutcome:
     left: int
     lost: int
     collisions: int
+    unfinished: int
 
     @property
     def kept(self) -> bool:
-        """Whether the line went on, and nothing was lost or touched."""
-        return self.back is not None and self.left > 0 and not self.lost and not self.collisions
+        """Whether the line went on, and nothing was lost, touched or left unfinished."""
+        return self.back is not None and self.left > 0 and not (self.lost or self.collisions or self.unfinished)
 
 
 def at_ports(whole: System, free: Callable[[int], Sequence[int]]) -> System:
@@ -219,14 +221,14 @@ def disturbed(line: Line, events: int, seed: int, progress: Progress = lambda do
             name = str(generator.choice(names))
             trouble: Trouble = "ended" if generator.random() < 0.5 else "frozen"
             plant = run.plant
-            left, lost, collisions = len(plant.left), plant.lost, plant.collisions
+            before = len(plant.left), plant.lost, plant.collisions, plant.unfinished
             processes.disturb(name, trouble)
             run.work(AWAY)
             processes.restore(name, trouble)
             back = run.back()
             run.work(AFTERWARDS)
-            counts = len(plant.left) - left, plant.lost - lost, plant.collisions - collisions
-            outcomes.append(KillOutcome(name, trouble, back, *counts))
+            after = len(plant.left), plant.lost, plant.collisions, plant.unfinished
+            outcomes.append(KillOutcome(name, trouble, back, *np.subtract(after, before).tolist()))
             progress(number + 1, events)
     return outcomes
 
@@ -235,7 +237,7 @@ def disturbed(line: Line, events: int, seed: int, progress: Progress = lambda do
 class ExperimentLineKills(ExperimentCommand[list[KillOutcome]]):
     """End and freeze the processes that control a line at random, while it works.
 
-    Fails when a box is lost, vehicles touch, blocks do not answer again, or no box leaves the line afterwards.
+    Fails when a box is lost or leaves unfinished, vehicles touch, blocks stay away, or no box leaves afterwards.
     """
 
     name: ClassVar = "line-kills"
@@ -257,7 +259,7 @@ class ExperimentLineKills(ExperimentCommand[list[KillOutcome]]):
                 each.device,
                 each.trouble,
                 "never" if each.back is None else f"{each.back:.0f}",
-                *map(str, (each.left, each.lost, each.collisions)),
+                *map(str, (each.left, each.lost, each.collisions, each.unfinished)),
             ]
             for each in result
         ]
@@ -265,7 +267,7 @@ class ExperimentLineKills(ExperimentCommand[list[KillOutcome]]):
             f"Each process of the line's control is away for {AWAY:g} s of plant time; then all must answer again,"
             f" and boxes must leave the line in {AFTERWARDS:g} s. The arms only take time."
         )
-        header = ["device", "what", "answers after s", "boxes that left", "lost", "touched"]
+        header = ["device", "what", "answers after s", "boxes that left", "lost", "touched", "unfinished"]
         return page("A line whose control is ended and frozen", words, table(header, rows))
 
     def figures(self, result: list[KillOutcome]) -> dict[str, Any]:

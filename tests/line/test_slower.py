@@ -18,7 +18,7 @@ from dtwin.line.station import FREE, HOLDING, EmulatedStation, Input, WorkTimes,
 from dtwin.line.stations import replayed
 from dtwin.line.twins import zone
 from dtwin.line.twins.ability import Capability
-from dtwin.line.twins.decisions import Mode
+from dtwin.line.twins.decisions import Decision, Mode
 from dtwin.line.twins.guard import Guard, Hands
 from dtwin.line.twins.node import NodeTwin
 from dtwin.line.twins.rehearsal import rehearsed, rehearsed_anew
@@ -206,6 +206,24 @@ def test_an_arm_goes_on_only_if_it_reaches_the_places_where_its_boxes_belong() -
     did, reasons, _ = looked(replace(SOME, ability="all"), {"red"})
     assert (did, reasons) == ([SOME_TEXT], []), "there is no reason to share the work out otherwise"
     assert looked(SOME, {"red"}, mode="propose")[0] == []
+
+
+@pytest.mark.parametrize("explained", [True, False])
+def test_a_stop_that_nothing_explains_is_told_as_such_once(explained: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    notes: list[Decision] = []
+    nothing = lambda *words: None  # noqa: E731
+    hands = Hands(nothing, nothing, lambda station: (), nothing, lambda station: 0, notes.append)
+    guard = Guard({"a2": FakeNode(SOME)}, "act", hands)
+    for second in range(40):
+        late = [found("K1", -0.4)] if explained and second == 5 else []
+        monkeypatch.setattr(FakeNode, "watch", lambda self, *words, late=late: late)
+        guard.look("a2", None, HOLDING, 1, 10.0 + second)
+    whats = [(note.time, note.what) for note in notes]
+    if explained:
+        assert whats == [(10.0, "stop"), (15.0, "finding")]
+    else:
+        assert whats == [(10.0, "stop"), (26.0, "no finding")]
+        assert "released" in notes[-1].why
 
 
 def test_an_arm_gets_other_settings_between_two_boxes() -> None:

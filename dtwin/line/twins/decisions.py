@@ -20,8 +20,8 @@ class Decision(msgspec.Struct, frozen=True):
     Attributes:
         time: plant time, s.
         who: twin, monitor or operator.
-        what: "finding", "stop", "settings", "set-up", "proposal", "none possible", "repair", "no answer", "answers
-            again".
+        what: "finding", "no finding", "stop", "settings", "set-up", "proposal", "none possible", "repair",
+            "no answer", "answers again".
         why: in words.
         station: station that it is about, "" for the line.
         assignment: which station does what from then on, empty if that does not change.

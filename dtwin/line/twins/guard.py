@@ -22,6 +22,8 @@ SetArm = Callable[[str, Settings, str], None]
 """Has the blocks of a station work with other settings: called with the station, the settings, and why."""
 OVERDUE: Final = 45.0
 """Least time for a box after which an arm is stopped, s: its twin has asked its monitor why it is late by then."""
+EXPLAINED: Final = 15.0
+"""Time after a stop by the blocks until which its cause is found, if it is found at all, s."""
 PATIENCE: Final = 3.0
 """Least such time, as a multiple of the longest that the arm takes for a box."""
 
@@ -65,6 +67,7 @@ class Guard:
         self._proposed: set[str] = set()
         self._waiting: set[str] = set()
         self._begun: dict[str, tuple[int, float]] = {}
+        self._unexplained: dict[str, float] = {}
 
     def capability(self, station: str) -> Capability:
         """What the arm of a station can still do, as its twin says."""
@@ -98,6 +101,7 @@ class Guard:
         load = self._hands.works(station)
         for finding in node.watch(log, arm, stop != 0, settings, None if load is None else load[1]):
             self._note(Decision(time, f"monitor of {station}", "finding", finding.text(), station))
+            self._unexplained.pop(station, None)
             able = node.capability
             if station in self.stopped:
                 node.stopped(f"{able.ability}: {able.why}")
@@ -130,8 +134,21 @@ class Guard:
             self.stopped.add(station)
             node.stopped("the blocks have stopped the arm; what is wrong is not known yet")
             self._note(Decision(time, f"blocks of {station}", "stop", "the arm left its path", station))
+            self._unexplained[station] = time
             reasons.append(f"{station} can do nothing")
+        self._tell_unexplained(station, stop, time)
         return reasons
+
+    def _tell_unexplained(self, station: str, stop: int, time: float) -> None:
+        """Says once that a stop by the blocks is explained by nothing: an arm that stands tells no more of itself."""
+        if time - self._unexplained.get(station, time) > EXPLAINED:
+            del self._unexplained[station]
+            if stop:
+                why = (
+                    f"nothing explains within {EXPLAINED:g} s why the blocks stopped the arm: it may have moved too"
+                    " little before; once it is released it is watched again"
+                )
+                self._note(Decision(time, f"monitor of {station}", "no finding", why, station))
 
     def _overdue(self, station: str, stop: int, time: float) -> str:
         """Why an arm counts as one that never finishes the box that it has or is offered, "" if it does not.
@@ -196,5 +213,6 @@ class Guard:
         self.stopped.discard(station)
         self._proposed.discard(station)
         self._waiting.discard(station)
+        self._unexplained.pop(station, None)
         self._note(Decision(time, who, "repair", why, station))
         return f"{station} is repaired"
