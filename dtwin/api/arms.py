@@ -126,7 +126,7 @@ class ArmAtWork:
         return self._settings.arm
 
     def under(self, change: ArmChange) -> ArmOutcome:
-        """Does the work from its first pose on. Raises DtwinError: a value is out of range, or the motion diverges."""
+        """Does the work from its first pose on. Raises DtwinError: a value is out of range, or the motion is lost."""
         settings = self._settings
         return self._twin.run(settings.poses.positions[0], change, settings.duration)
 
