@@ -101,9 +101,34 @@ def simulate_arm(
         DtwinError: a file cannot be used, a value is out of range, or the motion is not finite.
     """
     cell = ArmCell(arm=str(arm), poses=_file(poses), path=_file(path), sort=_file(sort), late=late)
-    settings = cell.settings(seconds, seed)
-    twin = ArmSimulator(settings, ArmModel.of(settings.arm))
-    return twin.run(settings.poses.positions[0], ArmChange(pole, observer, speed, payload), seconds)
+    return ArmAtWork(cell, seconds, seed).under(ArmChange(pole, observer, speed, payload))
+
+
+class ArmAtWork:
+    """The twin of an arm that does its work as often as it is asked to, prepared once.
+
+    Args:
+        cell: the arm and its work.
+        seconds: plant time of the work, s.
+        seed: number of the generator of poses.
+
+    Raises:
+        DtwinError: a file cannot be used, or a value is out of range.
+    """
+
+    def __init__(self, cell: ArmCell, seconds: float, seed: int) -> None:
+        self._settings = settings = cell.settings(seconds, seed)
+        self._twin = ArmSimulator(settings, ArmModel.of(settings.arm))
+
+    @property
+    def arm(self) -> Arm:
+        """The arm."""
+        return self._settings.arm
+
+    def under(self, change: ArmChange) -> ArmOutcome:
+        """Does the work from its first pose on. Raises DtwinError: a value is out of range, or the motion is lost."""
+        settings = self._settings
+        return self._twin.run(settings.poses.positions[0], change, settings.duration)
 
 
 @checked

@@ -17,7 +17,7 @@ from dtwin.measurements import jumps, repairs
 from dtwin.measurements.columns import ANGLES, EFFORTS, TIME, ColumnMap, Role
 from dtwin.measurements.doors import Table
 from dtwin.measurements.measurement import Array, Effort, Measurement
-from dtwin.measurements.naming import parsed_name
+from dtwin.measurements.naming import GRIPPED, parsed_name
 from dtwin.measurements.rows import Rows
 
 _IMPOSSIBLE: Final = 1e4
@@ -51,6 +51,8 @@ def measurement_of(table: Table, columns: ColumnMap, arm: Arm | None = None) -> 
         rows.arrays[name] = _in_units(table, name, role)
     rows.arrays["t"] = _stamps(table, columns)
     rows.arrays["episode"] = table.columns[columns.episode] if columns.episode else np.zeros(rows.count)
+    if columns.gripped:
+        rows.arrays[GRIPPED] = (table.columns[columns.gripped] != 0.0).astype(np.float64)
     _impossible(rows)
     _misplaced(rows)
     _time(rows)
@@ -215,6 +217,7 @@ def _finished(rows: Rows, arm: Arm | None) -> Measurement:
         episode,
         tuple(rows.odd),
         arrays.get("motor"),
+        arrays[GRIPPED] > 0.0 if GRIPPED in arrays else None,
     )
 
 

@@ -2,6 +2,7 @@
 
 time = "t"
 time_unit = "s"              # s, ms, us, ns; or rate = 100.0 where rows have no stamps
+gripped = "closed"           # optional: not 0 while the gripper is closed on what nobody has weighed
 
 [position]
 columns = ["q1", "q2"]
@@ -87,6 +88,7 @@ class ColumnMap(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         temperature: temperatures of the drives, degrees Celsius.
         motor: positions on the motors' side of the gears, where they were measured as well.
         episode: column of the episode's number.
+        gripped: column that is not 0 while the gripper is closed; "" where there is none.
     """
 
     position: Role
@@ -99,6 +101,7 @@ class ColumnMap(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     temperature: Role | None = None
     motor: Role | None = None
     episode: str = ""
+    gripped: str = ""
 
     def roles(self) -> dict[str, Role]:
         found = {name: getattr(self, name) for name in ROLES}
@@ -148,7 +151,7 @@ def checked_map(columns: ColumnMap, table: Table, joints: int | None = None) -> 
     wanted = len(columns.position.columns) if joints is None else joints
     if columns.time_unit not in TIME:
         raise RecordingError(f"map: time_unit: expected {choices(TIME)}, got {columns.time_unit!r}")
-    singles = [name for name in (columns.time, columns.episode) if name]
+    singles = [name for name in (columns.time, columns.episode, columns.gripped) if name]
     for name in singles + [c for role in columns.roles().values() for c in role.columns]:
         if name not in table.columns:
             raise RecordingError(

@@ -110,7 +110,7 @@ def guess(table: Table, joints: int | None = None, names: Sequence[str] = ()) ->
     episode = next((n for n in named if re.search(_EPISODES, n, re.IGNORECASE)), "")
     found: dict[str, list[str]] = {}
     for name in named:
-        if name in (time, episode) or re.search(_LEFT_OUT, name, re.IGNORECASE):
+        if name in (time, episode, naming.GRIPPED) or re.search(_LEFT_OUT, name, re.IGNORECASE):
             continue
         role = next((r for r, pattern in _NAMES.items() if re.search(pattern, name, re.IGNORECASE)), None)
         if role:
@@ -137,7 +137,9 @@ def guess(table: Table, joints: int | None = None, names: Sequence[str] = ()) ->
             unit, why = _unit(role, chosen, table)
             roles[role] = Role(tuple(chosen), unit)
             unclear += why
-    return ColumnMap(time=time, time_unit=_time_unit(table, time), episode=episode, **roles), tuple(unclear)
+    gripped = naming.GRIPPED if naming.GRIPPED in table.columns else ""
+    unit = _time_unit(table, time)
+    return ColumnMap(time=time, time_unit=unit, episode=episode, gripped=gripped, **roles), tuple(unclear)
 
 
 def _time(names: Sequence[str]) -> str:
@@ -210,7 +212,8 @@ def _by_our_names(table: Table, names: Sequence[str] = ()) -> ColumnMap:
         for role, columns in found.items()
         if set(joints) <= set(columns)
     }
-    return ColumnMap(time=naming.TIME, episode=naming.EPISODE if naming.EPISODE in table.columns else "", **roles)
+    episode, gripped = (name if name in table.columns else "" for name in (naming.EPISODE, naming.GRIPPED))
+    return ColumnMap(time=naming.TIME, episode=episode, gripped=gripped, **roles)
 
 
 def _stem(name: str) -> str:

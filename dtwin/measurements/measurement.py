@@ -52,6 +52,7 @@ class Measurement:
         oddities: what was repaired and what is odd.
         motor: positions on the motors' side of the gears, as the joint would have them, (N, n), rad or m; None where
             there are no encoders.
+        gripped: whether the gripper is closed on what nobody has weighed, (N,); None where nobody said.
     """
 
     source: str
@@ -67,6 +68,7 @@ class Measurement:
     episodes: NDArray[np.int64] | None = None
     oddities: tuple[Oddity, ...] = ()
     motor: Array | None = None
+    gripped: NDArray[np.bool_] | None = None
 
     def __len__(self) -> int:
         return len(self.t)
@@ -88,7 +90,7 @@ class Measurement:
         """A part of one stretch."""
         arrays: dict[str, Any] = {
             name: None if (column := getattr(self, name)) is None else column[rows]
-            for name in ("t", "q", "v", "effort", "command", "temperature", "motor", "episodes")
+            for name in ("t", "q", "v", "effort", "command", "temperature", "motor", "episodes", "gripped")
         }
         return replace(self, starts=(0,), **arrays)
 

@@ -11,6 +11,7 @@ from dtwin.measurements.measurement import Effort
 
 TIME: Final = "t [s]"
 EPISODE: Final = "episode"
+GRIPPED: Final = "gripped"
 UNITS: Final[dict[Effort | None, tuple[str, str]]] = {
     "torque": ("torque", "N m"),
     "current": ("current", "A"),
@@ -45,7 +46,7 @@ def parsed_name(name: str) -> Named | None:
 def is_ours(names: Iterable[str]) -> bool:
     """Whether all columns of a file are named so."""
     columns = set(names)
-    rest = columns - {TIME, EPISODE}
+    rest = columns - {TIME, EPISODE, GRIPPED}
     return TIME in columns and bool(rest) and all(parsed_name(name) for name in rest)
 
 

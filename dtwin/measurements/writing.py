@@ -17,7 +17,7 @@ import pyarrow.parquet as pq
 from dtwin.errors import RecordingError
 from dtwin.files import replacing
 from dtwin.measurements.measurement import Array, Measurement
-from dtwin.measurements.naming import EPISODE, TIME, UNITS, checked_joints, column_name
+from dtwin.measurements.naming import EPISODE, GRIPPED, TIME, UNITS, checked_joints, column_name
 
 POSITIONS: Final = {"rad": 1.0, "m": 1.0, "percent": 100.0}
 """Units in which positions may be written, with the number of them in what a measurement holds."""
@@ -59,6 +59,8 @@ def columns_of(measurement: Measurement, unit: str) -> dict[str, Array]:
             found |= {column_name(name, joint, written): column for joint, column in pairs}
     if measurement.episodes is not None:
         found[EPISODE] = measurement.episodes.astype(np.float64)
+    if measurement.gripped is not None:
+        found[GRIPPED] = measurement.gripped.astype(np.float64)
     return found
 
 

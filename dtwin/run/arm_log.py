@@ -10,9 +10,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from dtwin.arm.chain import Arm, Array
+from dtwin.arm.effort import unladen
 from dtwin.errors import RecordingError, choices
 from dtwin.files import reason_of
-from dtwin.run.chain import EFFORTS
+from dtwin.run.chain import EFFORTS, GRIPPED
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -23,17 +24,20 @@ class ArmLog:
         t: times, (N,), s.
         q: what the encoders read, (N, n), rad or m.
         target: desired positions, (N, n).
-        effort: what acts at the samples, (N, n), in the units of the drives.
+        effort: what acts at the samples, (N, n), in the units of the drives; NaN where the gripper is closed, as
+            nobody knows what it holds.
+        acting: the same, also there.
     """
 
     t: Array
     q: Array
     target: Array
     effort: Array
+    acting: Array
 
 
 def read_arm_log(path: Path, arm: Arm) -> ArmLog:
-    """Reads the log of an arm.
+    """Reads the log of an arm; without a column `gripped` its gripper was open all the time.
 
     Raises:
         RecordingError: it cannot be read, has other columns, a gap, or a value that is no finite number.
@@ -57,12 +61,15 @@ def read_arm_log(path: Path, arm: Arm) -> ArmLog:
         wanted = choices([name for group in groups for name in group]).replace(" or ", " and ")
         raise RecordingError(f"{path}: column {missing[0]} is missing: expected {wanted} of the arm {arm.name}")
     try:
-        t, q, target, effort = (
-            np.column_stack([np.asarray(table[name], dtype=np.float64) for name in group]) for group in groups
+        t, q, target, effort, gripped = (
+            np.column_stack([np.asarray(table[name], dtype=np.float64) for name in group])
+            if set(group) <= names
+            else np.zeros((table.num_rows, 1))
+            for group in (*groups, [GRIPPED])
         )
     except (TypeError, ValueError) as error:
         raise RecordingError(f"{path}: expected numbers: {error}") from None
-    for what, values in (("t", t), ("q", q), ("target", target), ("effort", effort)):
+    for what, values in (("t", t), ("q", q), ("target", target), ("effort", effort), (GRIPPED, gripped)):
         if not np.isfinite(values).all():
             row = int(np.argmin(np.isfinite(values).all(axis=1))) + 1
             raise RecordingError(f"{path}: row {row}: {what}: expected finite numbers")
@@ -70,4 +77,4 @@ def read_arm_log(path: Path, arm: Arm) -> ArmLog:
     if gaps.any():
         row = int(np.argmax(gaps)) + 2
         raise RecordingError(f"{path}: row {row}: t: expected {arm.period:g} s after the row before")
-    return ArmLog(t[:, 0], q, target, effort)
+    return ArmLog(t[:, 0], q, target, unladen(effort, gripped[:, 0] != 0.0), effort)

@@ -35,6 +35,8 @@ EFFORTS: Final[dict[Commanded, str]] = {
     "position": "torque",
 }
 """Names of the columns with the commands."""
+GRIPPED: Final = "gripped"
+"""Name of the column that says whether the gripper is commanded to be closed."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,6 +82,7 @@ class ChainRun:
         pose: number of the pose to which the arm went, (N,).
         stop: the safe stop in force at the end, 0 if none.
         seconds: wall time, s.
+        gripped: whether the gripper was closed from each sample on, (N,).
         boxes: what happened to the boxes; None without any.
         places: numbers of the places, from 1, of the box that waits and of the one that is held, (N, 2); 0 for none.
     """
@@ -93,6 +96,7 @@ class ChainRun:
     pose: Array
     stop: int
     seconds: float
+    gripped: NDArray[np.bool_]
     boxes: Counts | None = None
     places: Array = field(default_factory=lambda: np.zeros((0, 2)))
 
@@ -130,11 +134,11 @@ class ChainRun:
 
     @property
     def unladen(self) -> Array:
-        """The same without what acts while a box is held, of which nobody knows the mass: NaN."""
-        return unladen(self.effort, self.places[:, 1] > 0.0) if self.boxes is not None else self.effort
+        """The same without what acts while the gripper is closed, as nobody knows what it holds: NaN."""
+        return unladen(self.effort, self.gripped)
 
     def measurement(self) -> Measurement:
-        """What a log of the run tells: positions, effort, desired positions."""
+        """What a log of the run tells: positions, effort, desired positions, and when the gripper was closed."""
         arm = self.settings.arm
         commanded = arm.joints[0].actuator.commanded
         return Measurement(
@@ -145,12 +149,14 @@ class ChainRun:
             effort=self.effort,
             kind="torque" if commanded == "position" else commanded,
             command=self.target,
+            gripped=self.gripped,
         )
 
     def save(self, path: Path | str) -> None:
         """Writes a Parquet log: t, then q_J, target_J, sent_J, and torque_J, current_J or voltage_J for joint J.
 
-        What was sent is the command from the sample on; the effort beside it is what acts at the sample.
+        What was sent is the command from the sample on; the effort beside it is what acts at the sample. The last
+        column, `gripped`, says whether the gripper was commanded to be closed.
 
         Raises:
             RecordingError: it cannot be written.
@@ -159,11 +165,13 @@ class ChainRun:
         import pyarrow.parquet as pq
 
         arm = self.settings.arm
-        columns: dict[str, Array] = {"t": self.t}
+        effort = self.effort
+        columns: dict[str, NDArray[Any]] = {"t": self.t}
         for name, values in (("q", self.q), ("target", self.target), ("sent", self.command)):
             columns |= {f"{name}_{k + 1}": values[:, k] for k in range(len(arm))}
         for k, joint in enumerate(arm.joints):
-            columns[f"{EFFORTS.get(joint.actuator.commanded, 'command')}_{k + 1}"] = self.effort[:, k]
+            columns[f"{EFFORTS.get(joint.actuator.commanded, 'command')}_{k + 1}"] = effort[:, k]
+        columns[GRIPPED] = self.gripped
         facts = {"arm": arm.name, "machine": self.settings.machine.name, "seed": str(self.settings.seed)}
         table = pa.table({name: pa.array(values) for name, values in columns.items()}).replace_schema_metadata(facts)
         with replacing(Path(path), LOG) as temporary:
@@ -326,7 +334,7 @@ def run(
     plant = ChainPlant(settings.machine, start, settings.seed, settings.late, settings.faults)
     ticks = max(1, round(settings.duration / arm.period))
     rows = np.zeros((4, ticks, len(arm)))
-    poses, places = np.zeros(ticks), np.zeros((ticks, 2))
+    poses, places, gripped = np.zeros(ticks), np.zeros((ticks, 2)), np.zeros(ticks, dtype=bool)
     boxes = None if settings.sorting is None else Boxes(settings.sorting, settings.seed)
     ahead = None if beside is not None else ChainTicks(plant, controller, len(arm))
     done = 0
@@ -335,9 +343,10 @@ def run(
         passed, answered = 0, False
         if ahead is not None:
             most = MOST if boxes is None else until(plant.time, boxes.next_box, arm.period)
-            span = slice(done, min(done + most, ticks))
+            span, closed = slice(done, min(done + most, ticks)), controller.grips
             passed, answered = ahead.run(rows[:, span], poses[span], box)
             places[done : done + passed] = (0, 0) if boxes is None else boxes.places
+            gripped[done : done + passed] = closed
             done += passed
         if passed and not answered:
             continue
@@ -351,6 +360,7 @@ def run(
             boxes.grip(controller.grips, plant.tool, plant.time)
             plant.hold(boxes.held)
             places[done] = boxes.places
+        gripped[done] = controller.grips
         plant.apply(rows[2, done])
         plant.advance()
         done += 1
@@ -361,4 +371,6 @@ def run(
     seconds = time.perf_counter() - began
     q, target, commands, true = (np.array(row[:done], dtype=np.float64) for row in rows)
     stop = controller.stop
-    return ChainRun(settings, t, q, target, commands, true, poses[:done], stop, seconds, counts, places[:done])
+    return ChainRun(
+        settings, t, q, target, commands, true, poses[:done], stop, seconds, gripped[:done], counts, places[:done]
+    )

@@ -21,6 +21,7 @@ from dtwin.identification.chain.excitation import excitation
 from dtwin.identification.chain.identify import Identification, Sample, identify, unexplained
 from dtwin.identification.chain.result import numbers
 from dtwin.run.chain import ChainSettings, run
+from evidence.arm_sorting import drawn_task, sorting
 from evidence.experiment import ExperimentCommand
 from evidence.logs.sysid import Sysid
 from evidence.report import Report
@@ -65,11 +66,12 @@ class Identified:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ArmsResult:
-    """All machines of an arm."""
+    """All machines of an arm, from designed poses, or from sorting boxes."""
 
     arm: Arm
     poses: Poses
     machines: tuple[Identified, ...]
+    sorts: bool = False
 
     @property
     def fit(self) -> Array:
@@ -93,9 +95,9 @@ class ArmsResult:
 
 
 def arms_experiment(
-    name: str, machines: int, seconds: float, seed: int, progress: Progress, peers: int = 0
+    name: str, machines: int, seconds: float, seed: int, progress: Progress, peers: int = 0, sorts: bool = False
 ) -> ArmsResult:
-    """Designs a motion, and identifies drawn machines from it.
+    """Designs a motion, and identifies drawn machines from it, or from sorting boxes that nobody has weighed.
 
     Args:
         name: an arm.
@@ -104,24 +106,31 @@ def arms_experiment(
         seed: number of the first generator.
         progress: is told how many machines are done.
         peers: number of machines, the first ones, that mujoco.sysid identifies from the same motion, too.
+        sorts: whether they sort boxes between drawn points instead.
 
     Raises:
-        ParameterError: mujoco.sysid is asked for but not installed.
+        ParameterError: mujoco.sysid is asked for but not installed, or of a sorting arm.
     """
+    if peers and sorts:
+        raise ParameterError("--peers: expected 0 with --sort: mujoco.sysid does not know when boxes are held")
     if peers and not is_installed():
         raise ParameterError("--peers: expected mujoco.sysid: pip install 'mujoco[sysid]'")
     arm = arm_of(name)
     poses = excitation(arm, seconds, seed=seed)
     found = []
     for k in range(machines):
-        found.append(_identified(arm, poses, 1000 + seed + k, seconds, k < peers))
+        number = 1000 + seed + k
+        settings = ChainSettings(arm, machine_of(str(number), arm), poses, duration=seconds, seed=number)
+        if sorts:
+            settings = sorting(settings, drawn_task(arm, number))
+        found.append(_identified(arm, settings, number, k < peers))
         progress(k + 1, machines)
-    return ArmsResult(arm, poses, tuple(found))
+    return ArmsResult(arm, poses, tuple(found), sorts)
 
 
-def _identified(arm: Arm, poses: Poses, number: int, seconds: float, peer: bool) -> Identified:
-    machine = machine_of(str(number), arm)
-    measured = run(ChainSettings(arm, machine, poses, duration=seconds, seed=number)).measurement()
+def _identified(arm: Arm, settings: ChainSettings, number: int, peer: bool) -> Identified:
+    machine = settings.machine
+    measured = run(settings).measurement()
     others = drawn_poses(arm, 20, np.random.default_rng([number, 1]))
     judging = run(ChainSettings(arm, machine, others, duration=_JUDGED, seed=number + 1)).measurement()
     began = time.perf_counter()
@@ -186,10 +195,13 @@ def arms_report(result: ArmsResult) -> Report:
         held = f"{sum(one.inside.values())} of {len(one.inside)}"
         fits = " | ".join(f"{fit:.4f}" for fit in one.fit)
         rows.append(f"| {one.machine} | {fits} | {held} | {one.seconds:.1f} |")
+    motion = f"one motion through {len(result.poses.positions)} designed poses"
+    if result.sorts:
+        motion = "what it did with an open gripper while it sorted boxes that nobody had weighed"
     words = (
-        f"{len(result.machines)} machines drawn from the tolerances of {result.arm.name}, each identified from one "
-        f"motion through {len(result.poses.positions)} designed poses and judged on a motion of {_JUDGED:g} s that "
-        "was not fitted. The fit is 1 - rms of the unexplained effort / its standard deviation."
+        f"{len(result.machines)} machines drawn from the tolerances of {result.arm.name}, each identified from "
+        f"{motion} and judged on a motion of {_JUDGED:g} s that was not fitted. "
+        "The fit is 1 - rms of the unexplained effort / its standard deviation."
     )
     least, coverage = float(result.fit.min()), result.coverage
     told = (
@@ -230,11 +242,13 @@ class ExperimentArms(ExperimentCommand[ArmsResult]):
     """Length of the measured motion, s."""
     peers: int = 0
     """Number of machines, the first ones, that mujoco.sysid identifies from the same motion, too."""
+    sort: bool = False
+    """Let them sort boxes between drawn points; they go through designed poses if not."""
 
     def measure(self, progress: Progress) -> ArmsResult:
         at_least("--machines", self.machines, 1)
         at_least("--duration", self.duration, 20.0)
-        return arms_experiment(self.arm, self.machines, self.duration, self.seed, progress, self.peers)
+        return arms_experiment(self.arm, self.machines, self.duration, self.seed, progress, self.peers, self.sort)
 
     def report(self, result: ArmsResult) -> Report:
         return arms_report(result)

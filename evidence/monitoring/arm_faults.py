@@ -16,6 +16,7 @@ from dtwin.monitoring.chain.learning import Learning, passed
 from dtwin.monitoring.chain.sequential import HEALTHY
 from dtwin.run.arm_cell import ArmCell
 from dtwin.run.chain import ChainSettings, run
+from evidence.arm_sorting import drawn_task, sorting
 from evidence.experiment import ExperimentCommand
 from evidence.report import Report
 
@@ -26,6 +27,8 @@ _AFTER: Final = 20.0
 """Time after the healthy stretch in which a fault begins, s."""
 _WATCHED: Final = 8.0
 """Time for which it is watched, s."""
+_SORTED: Final = 20.0
+"""The same of an arm that sorts, whose drives are judged while its gripper is open."""
 _PUSH: Final = 0.5
 """Length of a push, s."""
 _LEAST_PAYLOAD: Final = 0.05
@@ -85,7 +88,9 @@ class ArmFaults:
     unknown: tuple[int, ...] = ()
 
 
-def arm_faults(name: str, machines: int, minutes: float, seed: int, progress: Progress) -> ArmFaults:
+def arm_faults(
+    name: str, machines: int, minutes: float, seed: int, progress: Progress, sorts: bool = False
+) -> ArmFaults:
     """Tries every kind of fault on drawn machines, and lets each work without one.
 
     A fault begins after the stretch in which the monitor has got to know the machine, as in a running cell.
@@ -96,11 +101,15 @@ def arm_faults(name: str, machines: int, minutes: float, seed: int, progress: Pr
         minutes: time that each is judged without a fault, less what more than a minute of learning takes.
         seed: number of the first generator.
         progress: is told how many machines are done.
+        sorts: whether they sort boxes between drawn points; they go through drawn poses if not.
     """
+    watched = _SORTED if sorts else _WATCHED
     trials, healthy, unknown, judged = [], [], [], 0.0
     for k in range(machines):
         number = 2000 + seed + k
         settings = ArmCell(arm=name, machine=str(number)).settings(HEALTHY + 60.0 * minutes, number)
+        if sorts:
+            settings = sorting(settings, drawn_task(settings.arm, number))
         learning = monitored(settings)
         progress(k + 1, machines)
         if learning.watch is None:
@@ -111,14 +120,14 @@ def arm_faults(name: str, machines: int, minutes: float, seed: int, progress: Pr
         generator = np.random.default_rng([number, 3])
         for kind in KINDS:
             fault = drawn_fault(settings.arm, kind, generator, learning.until)
-            trials.append(_tried(replace(settings, duration=fault.start + _WATCHED, faults=(fault,)), number, fault))
+            trials.append(_tried(replace(settings, duration=fault.start + watched, faults=(fault,)), number, fault))
     return ArmFaults(settings.arm.name, tuple(trials), tuple(healthy), judged, tuple(unknown))
 
 
 def monitored(settings: ChainSettings) -> Learning:
     """What the monitor of a running cell has come to at the end of a run."""
     ran = run(settings)
-    return passed(settings.arm, ran.t, ran.q, ran.target, ran.effort)
+    return passed(settings.arm, ran.t, ran.q, ran.target, ran.unladen, acting=ran.effort)
 
 
 def drawn_fault(arm: Arm, kind: Kind, generator: np.random.Generator, healthy: float) -> ChainFault:
@@ -152,6 +161,7 @@ def arm_faults_figures(result: ArmFaults) -> dict[str, Any]:
         kinds[kind] = {
             "trials": len(trials),
             "noticed": sum(each.soon for each in trials),
+            "found": sum(each.found is not None for each in trials),
             "named": sum(each.soon and each.named for each in trials),
             "within": sum(each.soon and each.within for each in trials),
             "delay": float(np.median(delays)) if delays else None,
@@ -200,11 +210,13 @@ class ExperimentArmFaults(ExperimentCommand[ArmFaults]):
     """Number of machines."""
     minutes: float = 3.0
     """Time that each machine is judged without a fault, minutes."""
+    sort: bool = False
+    """Let them sort boxes between drawn points; they go through drawn poses if not."""
 
     def measure(self, progress: Progress) -> ArmFaults:
         at_least("--machines", self.machines, 1)
         at_least("--minutes", self.minutes, 0.1)
-        return arm_faults(self.arm, self.machines, self.minutes, self.seed, progress)
+        return arm_faults(self.arm, self.machines, self.minutes, self.seed, progress, self.sort)
 
     def report(self, result: ArmFaults) -> Report:
         return arm_faults_report(result)

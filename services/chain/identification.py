@@ -44,7 +44,7 @@ log = logging.getLogger(__name__)
 
 NAME: Final = "identification"
 NEEDED: Final = 30.0
-"""Time of motion from which an arm is identified, s."""
+"""Time in which it is known what the arm carries, from which it is identified, s."""
 REMEMBERED: Final = 120.0
 """Longest time that is remembered, s."""
 PATIENCE: Final = 120.0
@@ -93,7 +93,7 @@ class Motion:
         return True
 
     def since(self, time: float) -> tuple[Array, Array, Array, Array]:
-        """Times (N,), readings, targets and efforts (N, n) from a plant time (s) on."""
+        """Times (N,), readings, targets and efforts (N, n), NaN while the gripper is closed, from a time (s) on."""
         if not self._blocks:
             nothing: Array = np.zeros(0)
             return nothing, nothing, nothing, nothing
@@ -187,12 +187,14 @@ class Identifying:
         """Identifies the arm once enough has passed."""
         t, q, target, effort = self._motion.since(self._request.since)
         needed = round(NEEDED / self._settings.arm.period)
-        if len(t) < needed:
-            seen = IdentificationState("measuring", "the arm is watched", len(t), needed)
+        known = int(np.isfinite(effort).all(axis=-1).sum()) if len(t) else 0
+        if known < needed:
+            text = "the arm is watched" if known == len(t) else "the arm is watched while its gripper is open"
+            seen = IdentificationState("measuring", text, known, needed)
             if (seen.samples // 100) != (self._progress.state.samples // 100) or self._progress.state.of != needed:
                 self._enter(seen)
             return
-        self._enter(IdentificationState("estimating", "the model is fitted", len(t), len(t)))
+        self._enter(IdentificationState("estimating", "the model is fitted", known, known))
         measured = measurement_of(self._settings.arm, self._adjustment, t, q, target, effort)
         self._propose(identify(self._settings.arm, [Sample(measured)]))
 

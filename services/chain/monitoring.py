@@ -132,7 +132,7 @@ class Watching:
     def _monitor_anew(self) -> ArmMonitor:
         """A monitor that begins anew, as does what its rows are made from."""
         arm, record = self._settings.arm, self._record
-        self._rows = Rows(arm, self._settings.late, weighed=False)
+        self._rows = Rows(arm, self._settings.late)
         self._next = 0.0
         return ArmMonitor(arm, self._healthy, None if record is None else record.watch(arm))
 

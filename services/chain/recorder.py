@@ -20,7 +20,7 @@ from dtwin.arm.chain import Array
 from dtwin.bus.chain.messages import JointTick, JointTicks
 from dtwin.bus.messages import EVENTS, JOINT_TICKS
 from dtwin.errors import RecordingError
-from dtwin.run.chain import ChainRun, ChainSettings
+from dtwin.run.chain import GRIPPED, ChainRun, ChainSettings
 from dtwin.services.chain.options import ArmCellOptions
 from dtwin.services.parts.missed.leaving import LastMessages
 from dtwin.services.service import Link, Service, main
@@ -73,7 +73,7 @@ class Rows:
     def clear(self) -> None:
         """Forgets all rows."""
         self.count = 0
-        self._t = np.zeros(_FEW)
+        self._t, self._gripped = np.zeros(_FEW), np.zeros(_FEW, dtype=bool)
         self._values = np.zeros((3, _FEW, len(self._settings.arm)))
 
     def go_on(self, path: Path) -> None:
@@ -85,14 +85,15 @@ class Rows:
         try:
             table = pq.read_table(path)
             t = np.asarray(table["t"])
+            gripped = np.asarray(table[GRIPPED]) if GRIPPED in table.column_names else np.zeros(len(t), dtype=bool)
             columns = [
                 [np.asarray(table[f"{name}_{k + 1}"]) for k in range(len(self._settings.arm))]
                 for name in ("q", "target", "sent")
             ]
         except (OSError, ValueError, KeyError) as error:
             raise RecordingError(f"{path}: cannot be gone on with: {error}") from None
-        for row, values in zip(t, np.array(columns).transpose(2, 0, 1), strict=True):
-            self._append(float(row), values)
+        for row, values, closed in zip(t, np.array(columns).transpose(2, 0, 1), gripped, strict=True):
+            self._append(float(row), values, bool(closed))
 
     @property
     def last(self) -> float:
@@ -103,21 +104,25 @@ class Rows:
         """Takes a tick that is later than the last one; whether it was taken."""
         if tick.sensors.time <= self.last or self.count >= self._most:
             return False
-        self._append(tick.sensors.time, (tick.sensors.theta, tick.acted.target, tick.acted.commands))
+        values = tick.sensors.theta, tick.acted.target, tick.acted.commands
+        self._append(tick.sensors.time, values, tick.acted.gripped)
         return True
 
-    def _append(self, t: float, values: tuple[tuple[float, ...], ...] | Array) -> None:
+    def _append(self, t: float, values: tuple[tuple[float, ...], ...] | Array, gripped: bool) -> None:
         if self.count == len(self._t):
             self._t = np.concatenate([self._t, np.zeros_like(self._t)])
+            self._gripped = np.concatenate([self._gripped, np.zeros_like(self._gripped)])
             self._values = np.concatenate([self._values, np.zeros_like(self._values)], axis=1)
-        self._t[self.count] = t
+        self._t[self.count], self._gripped[self.count] = t, gripped
         self._values[:, self.count] = values
         self.count += 1
 
     def run(self) -> ChainRun:
         """The rows as a run; what truly was is not known, and stands as it was measured."""
-        q, target, sent = (self._values[k, : self.count] for k in range(3))
-        return ChainRun(self._settings, self._t[: self.count], q, target, sent, q, np.zeros(self.count), 0, 0.0)
+        count = self.count
+        q, target, sent = (self._values[k, :count] for k in range(3))
+        t, gripped = self._t[:count], self._gripped[:count]
+        return ChainRun(self._settings, t, q, target, sent, q, np.zeros(count), 0, 0.0, gripped)
 
 
 class Recorder:

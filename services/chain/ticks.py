@@ -27,13 +27,11 @@ class Rows:
     Args:
         arm: the arm.
         late: ticks from a command until it acts.
-        weighed: whether it is known what the gripper holds; if not, nobody knows what acts while it is closed (NaN).
     """
 
-    def __init__(self, arm: Arm, late: int, weighed: bool = True) -> None:
+    def __init__(self, arm: Arm, late: int) -> None:
         self._arm = arm
         self._late = late
-        self._weighed = weighed
         self._ahead = ahead(arm)
         self._last: JointTick | None = None
         self._begin()
@@ -63,12 +61,12 @@ class Rows:
     def drain(self) -> tuple[Array, Array, Array, Array, Array]:
         """The rows since the last call: times, readings, targets, and what acted; (N,) and (N, n).
 
-        What acted comes twice: as far as it is known what the arm carries, and in any case.
+        What acted comes twice: as far as it is known what the arm carries, NaN else, and in any case.
         """
         first, last = self._passed, self._passed + len(self)
         t, q, target, sent, gripped = (np.array(column) for column in zip(*self._rows, strict=True))
         acting = effort_of(self._arm, q, sent, self._late)
-        effort = acting if self._weighed else unladen(acting, gripped)
+        effort = unladen(acting, gripped)
         gone = max(0, last - self._late - BEFORE)
         self._rows, self._passed = self._rows[gone:], last - gone
         return t[first:last], q[first:last], target[first:last], effort[first:last], acting[first:last]

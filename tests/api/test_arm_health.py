@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import msgspec
@@ -9,6 +10,12 @@ import pytest
 
 import dtwin
 from dtwin.cli import main
+from dtwin.emulation.chain.faults import parse_chain_fault
+from dtwin.identification.chain.identify import Sample, identify
+from dtwin.measurements.reading import read_measurement
+from dtwin.run.arm_cell import ArmCell
+from dtwin.run.chain import run
+from evidence.arm_sorting import drawn_task, sorting
 
 ARM = "planar-2r"
 
@@ -52,3 +59,26 @@ def test_margins_are_those_that_the_command_prints(capsys: pytest.CaptureFixture
     assert len(cell.cases) == 2
     assert cell.cases[0].case.margins.disk <= cell.cases[1].case.margins.disk
     assert cell.broken == ()
+
+
+def test_the_log_of_an_arm_that_sorts_says_when_its_gripper_is_closed(tmp_path: Path) -> None:
+    """Nobody has weighed the boxes: drives are judged, and bodies found, from what it does without one."""
+    cell = ArmCell(arm=ARM, machine="7003").settings(170.0, 7003)
+    healthy = sorting(cell, drawn_task(cell.arm, 7003))
+    weak = replace(healthy, faults=(parse_chain_fault("K2*=0.8@150", 2),))
+    found = []
+    for name, settings in (("healthy", healthy), ("weak", weak)):
+        ran = run(settings)
+        path = tmp_path / f"{name}.parquet"
+        ran.save(path)
+        found.append(dtwin.monitor_arm(path, ARM).finding)
+    assert found[0] is None
+    assert found[1] is not None
+    assert (found[1].cause, found[1].time > 150.0) == ("K2", True)
+    assert found[1].size == pytest.approx(0.2, abs=0.05)
+    log = read_measurement(tmp_path / "healthy.parquet", arm=cell.arm)
+    assert log.gripped is not None
+    assert 0.3 < log.gripped.mean() < 0.7
+    told, misled = (identify(cell.arm, [Sample(each)]) for each in (log, replace(log, gripped=None)))
+    left = [each.held_out[each.groups].max() for each in (told, misled)]
+    assert left[0] < 0.02 < 0.1 < left[1]

@@ -168,7 +168,7 @@ def test_more_friction_is_told_in_parts_of_what_the_blocks_have() -> None:
 
 def test_an_arm_that_sorts_is_known_by_what_it_does_without_a_box() -> None:
     """Nobody has weighed a box: who took its mass for known would tell another load."""
-    cell = ArmCell(arm="planar-2r", machine="7001").settings(100.0, 7001)
+    cell = ArmCell(arm="planar-2r", machine="7001").settings(160.0, 7001)
     ran = run(sorting(cell, drawn_task(cell.arm, 7001)))
     assert ran.boxes is not None
     assert ran.boxes.delivered > 10

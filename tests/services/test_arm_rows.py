@@ -1,4 +1,4 @@
-"""Ticks of an arm as rows: what acts while the gripper is closed is known of weighed boxes alone."""
+"""Ticks of an arm as rows: nobody knows what an arm carries while the gripper is closed."""
 
 import numpy as np
 
@@ -17,13 +17,13 @@ def tick(number: int, gripped: bool) -> JointTick:
 
 
 def test_what_acts_is_not_known_from_the_grip_to_a_sample_after_the_release() -> None:
-    weighed, other = Rows(ARM, 0), Rows(ARM, 0, weighed=False)
-    for rows in (weighed, other):
-        for number in range(10):
-            rows.add(tick(number, 3 <= number < 6))
-    (*_, known, acting), (*_, unknown, anyway) = weighed.drain(), other.drain()
-    assert np.isfinite(known).all()
-    assert known.tolist() == acting.tolist() == anyway.tolist()
-    assert np.flatnonzero(np.isnan(unknown).any(axis=1)).tolist() == [3, 4, 5, 6]
-    assert np.array_equal(unknown[:3], known[:3])
-    assert np.array_equal(unknown[7:], known[7:])
+    rows, empty = Rows(ARM, 0), Rows(ARM, 0)
+    for number in range(10):
+        rows.add(tick(number, 3 <= number < 6))
+        empty.add(tick(number, False))
+    (*_, known, acting), (*_, unladen, anyway) = rows.drain(), empty.drain()
+    assert np.isfinite(unladen).all()
+    assert unladen.tolist() == acting.tolist() == anyway.tolist()
+    assert np.flatnonzero(np.isnan(known).any(axis=1)).tolist() == [3, 4, 5, 6]
+    assert np.array_equal(known[:3], acting[:3])
+    assert np.array_equal(known[7:], acting[7:])

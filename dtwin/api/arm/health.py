@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from dtwin.api.arguments import AnyPath, checked
 from dtwin.arm.chain import Arm
 from dtwin.emulation.chain.arms import arm_of
@@ -50,7 +52,8 @@ def monitor_arm(
     Args:
         log: Parquet log of `dtwin run --arm` or `dtwin up --arm`.
         arm: a name of arms/, an arm's file (*.toml) or a model (*.urdf, *.xml).
-        healthy: time from the beginning in which the arm is healthy and is learned, s.
+        healthy: time from the beginning in which the arm is healthy and is learned, s, without that in which its
+            gripper is closed.
         commissioned: record of `commission_arm`, with which nothing is learned at the beginning.
 
     Raises:
@@ -64,10 +67,10 @@ def monitor_arm(
     record = None if commissioned is None else read_arm_record(Path(commissioned), known)
     rows = read_arm_log(Path(log), known)
     if record is not None:
-        watch = judged(record, known, (rows.t, rows.q, rows.target, rows.effort))
+        watch = judged(record, known, (rows.t, rows.q, rows.target, rows.effort, rows.acting))
     else:
         try:
-            watch = acquainted(known, rows.t, rows.q, rows.target, rows.effort, healthy)
+            watch = acquainted(known, rows.t, rows.q, rows.target, rows.effort, healthy, rows.acting)
         except RecordingError as error:
             raise RecordingError(f"{log}: {error} (healthy)") from None
     learned = healthy if record is None else record.seconds
@@ -95,7 +98,8 @@ def commission_arm(log: AnyPath, arm: AnyPath, *, out: AnyPath | None = None) ->
     rows = read_arm_log(Path(log), known)
     seconds = float(rows.t[-1] - rows.t[0])
     try:
-        watch = acquainted(known, rows.t, rows.q, rows.target, rows.effort, seconds - 0.5 * known.period)
+        healthy = (int(np.isfinite(rows.effort[:, 0]).sum()) - 1.5) * known.period  # all of it but the last sample
+        watch = acquainted(known, rows.t, rows.q, rows.target, rows.effort, healthy, rows.acting)
     except RecordingError as error:
         raise RecordingError(f"{log}: {error}") from None
     record = record_of(watch, known, round(seconds, 6))

@@ -9,13 +9,13 @@ from typing import Any, Final
 import numpy as np
 from rich.table import Column, Table
 
-from dtwin.api.arms import simulate_arm
+from dtwin.api.arms import ArmAtWork
 from dtwin.arm.chain import Arm
 from dtwin.commands.frame import arguments_as_options
-from dtwin.emulation.chain.arms import arm_of
 from dtwin.errors import ParameterError
 from dtwin.options import refuse_others
-from dtwin.simulation.chain.whatif import ArmOutcome
+from dtwin.run.arm_cell import ArmCell
+from dtwin.simulation.chain.whatif import ArmChange, ArmOutcome
 from dtwin.terminal import as_text, print_json, print_table
 
 _CHANGES: Final = ("pole", "observer", "speed", "payload")
@@ -37,19 +37,19 @@ def simulate_other(options: Any) -> int:
     refuse_others(options, _KNOWN, ("arm",))
     base = {name: value for name in _CHANGES if (value := getattr(options, name)) is not None}
     cases = {"base": base, **{text: {**base, **_changes(text)} for text in options.candidate}}
-    work = {name: getattr(options, name) for name in ("poses", "path", "sort", "seed")}
+    cell = ArmCell(arm=options.arm, poses=options.poses, path=options.path, sort=options.sort)
     duration = _USUAL if options.duration is None else options.duration
     outcomes, seconds = {}, {}
     with arguments_as_options(options):
-        arm = arm_of(options.arm)
+        twin = ArmAtWork(cell, duration, options.seed)
         for name, changes in cases.items():
             began = time.perf_counter()
-            outcomes[name] = simulate_arm(options.arm, duration, **changes, **work)
+            outcomes[name] = twin.under(ArmChange(**changes))
             seconds[name] = time.perf_counter() - began
     if options.json:
         print_json({"candidates": [_figures(name, outcomes[name], seconds[name]) for name in outcomes]})
     else:
-        print_table(_table(arm, outcomes, seconds))
+        print_table(_table(twin.arm, outcomes, seconds))
     return 0
 
 

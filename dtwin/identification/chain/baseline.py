@@ -91,7 +91,8 @@ def filtered(measurements: Sequence[Measurement], filtering: Filtering) -> list[
         a = low_passed(np.gradient(v, dt, axis=0), dt, cutoff)
         moves = np.flatnonzero((np.abs(v) > 0.03 * np.array([s.speed for s in scales_of([stretch])])).any(axis=1))
         edge = round(2.5 / cutoff / dt)
-        kept = slice(max(moves[0], edge), min(moves[-1], len(v) - edge)) if len(moves) else slice(0, 0)
+        kept = np.arange(max(moves[0], edge), min(moves[-1], len(v) - edge)) if len(moves) else np.arange(0)
+        kept = kept[stretch.usable[kept]]
         columns = low_passed(stretch.q, dt, cutoff), v, a, low_passed(stretch.effort, dt, cutoff)
         q, v, a, effort = (column[kept] for column in columns)
         found.append((q, v, a, effort))

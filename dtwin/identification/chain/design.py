@@ -2,7 +2,8 @@
 
 A linear filter on both sides leaves a linear equation true (Gautier's parallel filtering). So the regressor is made
 of positions, velocities and accelerations that are only lightly filtered, and its columns pass the same filter as the
-measured effort: neither friction nor acceleration is flattened against the torque.
+measured effort: neither friction nor acceleration is flattened against the torque. Rows in which nobody knows what
+the arm carries are 0 on both sides before the filter, so that what is held leaves no trace in those beside them.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import signal
 
 from dtwin.arm.chain import Arm, Array
@@ -51,6 +53,7 @@ class Smooth:
         start: time of the first row in the log, s.
         motor: positions on the motors' side, (N, n), or None.
         command: commanded positions, (N, n), or None.
+        known: whether it is known what the arm carries, (N,).
     """
 
     dt: float
@@ -62,6 +65,18 @@ class Smooth:
     start: float = 0.0
     motor: Array | None = None
     command: Array | None = None
+    known: NDArray[np.bool_] | None = None
+
+    def through(self, columns: Array, cutoff: float) -> Array:
+        """Columns, (N, ...), of a side of the equations through its filter, with a corner in Hz."""
+        if self.known is not None:
+            columns = columns * self.known.reshape(-1, *[1] * (columns.ndim - 1))
+        return low_passed(columns, self.dt, cutoff)
+
+    @property
+    def usable(self) -> NDArray[np.bool_]:
+        """Rows of the equations, (N,), that are not 0."""
+        return np.ones(len(self.q), dtype=bool) if self.known is None else self.known
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -143,8 +158,18 @@ def _even(part: Measurement, dt: float, filtering: Filtering) -> Smooth:
     a = np.gradient(v, dt, axis=0)
     assert part.effort is not None
     warm = None if part.temperature is None else on_grid(part.temperature)
-    sides = [None if c is None else low_passed(on_grid(c), dt, corner, 2) for c in (part.motor, part.command)]
-    return Smooth(dt, q, v, a, on_grid(part.effort), warm, float(part.t[0]), *sides)
+    motor, command = (
+        None if c is None else low_passed(on_grid(c), dt, corner, 2) for c in (part.motor, part.command)
+    )
+    known = None if part.gripped is None else ~_laden(part.gripped, part.t, grid)
+    return Smooth(dt, q, v, a, on_grid(part.effort), warm, float(part.t[0]), motor, command, known)
+
+
+def _laden(gripped: NDArray[np.bool_], t: Array, grid: Array) -> NDArray[np.bool_]:
+    """Rows of a grid between or beside samples at which the gripper is closed, or was a sample ago."""
+    held = gripped | np.concatenate([gripped[:1], gripped[:-1]])
+    found: NDArray[np.bool_] = np.interp(grid, t, held.astype(np.float64)) > 0.0
+    return found
 
 
 def low_passed(columns: Array, dt: float, corner: float, order: int = 4) -> Array:
@@ -197,13 +222,14 @@ def rigid_of(arm: Arm, stretch: Smooth, scales: Sequence[Scale], filtering: Filt
     filtered = np.zeros((len(kept), *full.shape[1:]))
     for joint in range(len(arm)):  # the links before a joint ask nothing of it
         beyond = slice(10 * joint, None)
-        filtered[:, joint, beyond] = low_passed(full[:, joint, beyond], stretch.dt, filtering.cutoff)[kept]
+        filtered[:, joint, beyond] = stretch.through(full[:, joint, beyond], filtering.cutoff)[kept]
     return Rigid(full, kept, every, filtered)
 
 
 def kept_of(stretch: Smooth, scales: Sequence[Scale], filtering: Filtering) -> np.ndarray:
-    """Numbers of the rows of a stretch that are left after the filter, (K,): moving, whole, and not too many."""
-    return _moving(stretch, scales, filtering)[:: _every(stretch, filtering)]
+    """Numbers of the rows of a stretch that are left after the filter, (K,): moving, whole, known, not too many."""
+    moving = _moving(stretch, scales, filtering)[:: _every(stretch, filtering)]
+    return moving[stretch.usable[moving]]
 
 
 def _every(stretch: Smooth, filtering: Filtering) -> int:
@@ -248,7 +274,7 @@ def rows_of(
     ]
 
     def through(columns: Array) -> Array:
-        return low_passed(columns, stretch.dt, filtering.cutoff)[rigid.kept]
+        return stretch.through(columns, filtering.cutoff)[rigid.kept]
 
     made = Rows(
         source,

@@ -21,7 +21,7 @@ import numpy as np
 from scipy.stats import norm
 
 from dtwin.arm.chain import Array
-from dtwin.identification.chain.design import Rigid, Smooth, low_passed, rigid_of, smooth
+from dtwin.identification.chain.design import Rigid, Smooth, low_passed, rigid_of
 from dtwin.identification.chain.identify import Identification, Sample
 from dtwin.identification.chain.intervals import convolved, correlation_of
 from dtwin.identification.chain.result import NINETY_FIVE, Number, moved, unclear
@@ -99,7 +99,7 @@ class _Part:
 def _parts(found: Identification, sample: Sample, measured: bool) -> list[_Part]:
     filtering, scales = found.design.filtering, found.design.scales
     parts = []
-    for stretch in smooth(sample.measurement, filtering):
+    for stretch in sample.stretches(filtering):
         other = stretch.motor if measured else stretch.command
         if other is not None:
             rigid = rigid_of(found.arm, stretch, scales, filtering)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -30,12 +30,18 @@ class Sample:
     """A measurement and what the arm held meanwhile.
 
     Attributes:
-        measurement: the measurement.
+        measurement: the measurement; rows in which its gripper is closed do not count, as nobody has weighed what it
+            holds then, unless the load says what that is.
         load: name of the load; "" for an empty hand.
     """
 
     measurement: Measurement
     load: str = ""
+
+    def stretches(self, filtering: Filtering) -> list[Smooth]:
+        """The stretches of the measurement, as `smooth` finds them."""
+        measured = replace(self.measurement, gripped=None) if self.load else self.measurement
+        return smooth(measured, filtering)
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,7 +145,7 @@ class Identification:
         carried = _with_load(self.moments, self.found, load)
         rows = [
             rows_of(rigid, stretch, design.scales, design.filtering, measurement.source, load, carried)[0]
-            for stretch in smooth(measurement, design.filtering)
+            for stretch in Sample(measurement, load).stretches(design.filtering)
             for rigid in (rigid_of(self.arm, stretch, design.scales, design.filtering),)
         ]
         if not rows:
@@ -168,7 +174,7 @@ def identify(arm: Arm, samples: Sequence[Sample], settings: Settings | None = No
     """
     settings = settings or Settings()
     _check(arm, samples, settings)
-    stretches = [(s, part) for s in samples for part in smooth(s.measurement, settings.filtering)]
+    stretches = [(s, part) for s in samples for part in s.stretches(settings.filtering)]
     if not stretches:
         raise IdentificationError("expected a stretch of motion without a gap of at least two seconds")
     scales = scales_of([stretch for _, stretch in stretches])

@@ -30,17 +30,19 @@ def measurement_of(arm: Arm, adjustment: Adjustment, t: Array, q: Array, target:
         t: times, (N,), s.
         q: what the encoders read, (N, n), rad or m.
         target: desired positions, (N, n).
-        effort: what acts at the samples, (N, n), in the units of the drives.
+        effort: what acts at the samples, (N, n), in the units of the drives; NaN where nobody knows what it carries.
     """
+    laden = np.isnan(effort[:, 0])
     commanded = arm.joints[0].actuator.commanded
     return Measurement(
         source=f"motion of {arm.name}",
         joints=tuple(joint.name for joint in arm.joints),
         t=t,
         q=q - np.array(adjustment.offset),
-        effort=effort * np.array(adjustment.strength),
+        effort=np.nan_to_num(effort) * np.array(adjustment.strength),
         kind=None if commanded == "position" else commanded,
         command=target,
+        gripped=laden,
     )
 
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dtwin.arm.chain import Array
-from dtwin.arm.effort import BEFORE, ahead, effort_of
+from dtwin.arm.effort import BEFORE, ahead, effort_of, unladen
 from dtwin.run.chain import ChainRun, ChainSettings
 
 
@@ -41,13 +41,15 @@ class Stretch(NamedTuple):
         t: times of the samples, (N,), s.
         q: what the encoders read, (N, n).
         target: desired positions, (N, n).
-        effort: what acts at the samples, (N, n), in the units of the drives.
+        effort: what acts at the samples, (N, n), in the units of the drives; NaN while the gripper is closed.
+        acting: the same, also there.
     """
 
     t: Array
     q: Array
     target: Array
     effort: Array
+    acting: Array
 
 
 class ArmRows:
@@ -100,10 +102,11 @@ class ArmRows:
         before = min(first - self.forgotten, settings.late + BEFORE)
         rows = self._rows[first - self.forgotten - before :]
         q, target, sent = (np.array([row[k] for row in rows]).reshape(len(rows), -1) for k in range(3))
-        effort = effort_of(settings.arm, q, sent, settings.late)
+        acting = effort_of(settings.arm, q, sent, settings.late)
+        effort = unladen(acting, np.array([row.gripped for row in rows], dtype=bool))
         t = np.arange(first, max(first, len(self) - later), dtype=np.float64) * settings.arm.period
         known = slice(before, before + len(t))
-        return Stretch(t, q[known], target[known], effort[known])
+        return Stretch(t, q[known], target[known], effort[known], acting[known])
 
     def run(self) -> ChainRun:
         """The same as a run of the arm alone."""
@@ -113,7 +116,8 @@ class ArmRows:
         )
         t = np.arange(self.forgotten, len(self), dtype=np.float64) * self._settings.arm.period
         pose = np.array([row.pose for row in rows], dtype=np.float64)
-        return ChainRun(self._settings, t, q, target, sent, true, pose, 0, 0.0)
+        gripped = np.array([row.gripped for row in rows], dtype=bool)
+        return ChainRun(self._settings, t, q, target, sent, true, pose, 0, 0.0, gripped)
 
     def write(self, path: Path) -> None:
         """Writes a Parquet log, as `dtwin run --arm` does. Raises RecordingError."""

@@ -111,7 +111,8 @@ class Expected:
         self._mass = np.array([1.0, *tool, *steiner(tool)[np.tril_indices(3)]])
         self._mean, self._deviation = self._known()
         self._carried = _carried(arm)
-        self._rate = _USUAL * np.array([joint.speed for joint in arm.joints])
+        load = np.array([joint.friction.load for joint in arm.joints])
+        self._held = (self._coulomb + load * self._carried) / np.abs(self._constant)
         self.values = self._mean.copy()
         self.covariance = np.diag(self._deviation**2)
         self._now = self.values.copy()
@@ -127,8 +128,9 @@ class Expected:
 
         Residuals follow one another, so that the covariance counts them in blocks (White 1980).
         """
-        columns, weights = self._columns(log), self._weights(log)
+        columns = self._columns(log)
         for _ in range(2):  # the second time with the noise that the first has found
+            weights = self._weights(log)
             precision = np.diag(1.0 / self._deviation**2)
             scaled = columns * (weights / self.noise)[:, :, None]
             rest = (log.effort - columns @ self._mean) * weights / self.noise
@@ -136,9 +138,10 @@ class Expected:
             curvature = flat.T @ flat + precision
             found = np.linalg.solve(curvature, flat.T @ rest.ravel())
             self.values = self._mean + found
+            counted = np.maximum(1.0, np.sum(weights**2, axis=0))
             left = weights * (log.effort - columns @ self.values)
             scores = np.einsum("njp,nj->np", scaled, left / self.noise)
-            self.noise = np.maximum(np.sqrt(np.sum(left**2, axis=0) / max(1, log.known.sum())), _faint(self._arm))
+            self.noise = np.maximum(np.sqrt(np.sum(left**2, axis=0) / counted), _faint(self._arm))
         rows = max(1, round(BLOCK / (EVERY * self._arm.period)))
         sums = np.add.reduceat(scores, np.arange(0, len(scores), rows), axis=0)
         inverse = np.linalg.inv(curvature)
@@ -170,7 +173,7 @@ class Expected:
     def _lost(self, values: Array) -> Array:
         """Torque of friction, (n,), N m or N."""
         viscous, dry, load = values[11 * len(self._arm) : 14 * len(self._arm)].reshape(3, -1)
-        found: Array = viscous * self._rate + dry + load * self._carried
+        found: Array = viscous * (_USUAL / _SLOW * self._slow) + dry + load * self._carried
         return found
 
     def adjust(self, friction: Array, load: float) -> None:
@@ -225,9 +228,11 @@ class Expected:
     def _weights(self, log: Filtered) -> Array:
         """1 where a joint moves, less where it is so slow that dry friction may act either way, (N, n).
 
-        0 where nobody knows what the arm carries.
+        What nobody knows of friction then counts as a further noise beside the usual one, and for less as it stays
+        the same while a joint creeps to its pose. 0 at rest, and where nobody knows what the arm carries.
         """
-        sure: Array = np.clip(np.abs(log.qd) / self._slow, 0.0, 1.0) * log.known[:, None]
+        moves = np.clip(np.abs(log.qd) / self._slow, 0.0, 1.0)
+        sure: Array = log.known[:, None] * moves * self.noise / np.hypot(self.noise, (1.0 - moves) * self._held)
         return sure
 
     def _columns(self, log: Filtered) -> Array:

@@ -17,7 +17,7 @@ from dtwin.arm.chain import Arm, Array
 from dtwin.errors import RecordingError
 from dtwin.monitoring.chain.drives import LATER
 from dtwin.monitoring.chain.finding import ChainFinding
-from dtwin.monitoring.chain.sequential import HEALTHY, FirstFault
+from dtwin.monitoring.chain.sequential import HEALTHY, FirstFault, enough
 from dtwin.monitoring.settings import LEAST_HEALTHY
 
 _ROUND: Final = 10.0
@@ -34,12 +34,11 @@ class Learning:
 
     Args:
         arm: the arm as its data sheet says.
-        healthy: time that is learned first, s.
+        healthy: time that is learned first, s, without that in which nobody knows what the arm carries.
         adjustment: what the blocks count on meanwhile; on the data sheet alone if None.
 
     Attributes:
         begin: time of the first sample of the stretch, s; None before it.
-        until: length of the stretch that is learned now, s.
         doubt: what who had learned half of the last stretch would have told as a fault in it; None if nothing.
         short: the last stretch that did not suffice, s; 0 while there is none.
         watch: who knows the arm and looks for its first fault; None until then.
@@ -57,28 +56,38 @@ class Learning:
 
     def forget(self) -> None:
         """Begins to learn anew, as samples are missing."""
-        self.until = self._healthy
+        self._needed = self._healthy
+        self._seen = self._laden = 0
         self.begin: float | None = None
         self._rows: list[tuple[Array, Array, Array, Array]] = []
         self._half = self._fresh(0.5 * self._healthy)
 
-    def follow(self, t: Array, q: Array, target: Array, effort: Array) -> None:
+    @property
+    def until(self) -> float:
+        """Length of the stretch that is learned now, s, with what so far does not count in it."""
+        return self._needed + self._laden * self._arm.period
+
+    def follow(self, t: Array, q: Array, target: Array, effort: Array, acting: Array | None = None) -> None:
         """Takes further samples, a period of the arm apart: see `FirstFault.follow`.
 
         The arm is known with the first sample after a stretch that suffices.
         """
-        rows = t, q, target, effort
-        while len(rows[0]) and self.watch is None:
-            self.begin = float(rows[0][0]) if self.begin is None else self.begin
-            count = int(np.searchsorted(rows[0], self.begin + self.until))
-            part = rows[0][:count], rows[1][:count], rows[2][:count], rows[3][:count]
-            rows = rows[0][count:], rows[1][count:], rows[2][count:], rows[3][count:]
+        done = 0
+        while done < len(t) and self.watch is None:
+            self.begin = float(t[done]) if self.begin is None else self.begin
+            known = self._seen
+            count, self._seen = enough(effort[done:], known, self._needed / self._arm.period)
+            rows = slice(done, done + count)
+            part = t[rows], q[rows], target[rows], effort[rows]
+            self._laden += count - (self._seen - known)
             self._rows.append(part)
             self._half.follow(*part)
-            if len(rows[0]):
+            done += count
+            if done < len(t):
                 self._decide()
         if self.watch is not None:
-            self.watch.follow(*rows)
+            acting = None if acting is None else acting[done:]
+            self.watch.follow(t[done:], q[done:], target[done:], effort[done:], acting)
 
     def words(self) -> str:
         """Why the last stretch did not suffice, "" if none did not."""
@@ -101,16 +110,16 @@ class Learning:
     def _decide(self) -> None:
         """Takes a stretch that has ended for known, or learns a longer one."""
         self._half.end()
-        whole = self._fresh(self.until)
+        whole = self._fresh(self._needed)
         whole.follow(*(np.concatenate([part[k] for part in self._rows]) for k in range(4)))
         if self._half.finding is None:
             self.watch, self._rows = whole, []
             return
         self.doubt, self.short, self._started = self._half.finding, self.until, self.begin
-        if 2.0 * self.until > LONGER * self._healthy:
+        if 2.0 * self._needed > LONGER * self._healthy:
             self.forget()
         else:
-            self.until, self._half = 2.0 * self.until, whole
+            self._needed, self._half = 2.0 * self._needed, whole
 
     def _fresh(self, healthy: float) -> FirstFault:
         watch = FirstFault(self._arm, healthy)
@@ -118,7 +127,15 @@ class Learning:
         return watch
 
 
-def acquainted(arm: Arm, t: Array, q: Array, target: Array, effort: Array, healthy: float = HEALTHY) -> FirstFault:
+def acquainted(
+    arm: Arm,
+    t: Array,
+    q: Array,
+    target: Array,
+    effort: Array,
+    healthy: float = HEALTHY,
+    acting: Array | None = None,
+) -> FirstFault:
     """Who knows an arm from the healthy stretch at the beginning of a log, and has looked at the rest of it.
 
     Args:
@@ -126,21 +143,24 @@ def acquainted(arm: Arm, t: Array, q: Array, target: Array, effort: Array, healt
         t: times of the samples, (N,), s, a period of the arm apart.
         q: what the encoders read, (N, n), rad or m.
         target: desired positions, (N, n).
-        effort: what acts at the samples, (N, n), in the units of the drives.
+        effort: what acts at the samples, (N, n), in the units of the drives; NaN where nobody knows what it carries.
         healthy: time from the beginning in which the arm is healthy, s.
+        acting: see `FirstFault.follow`.
 
     Raises:
         RecordingError: the log is not longer than that, or what the arm does in it does not suffice to know the arm.
     """
     if not LEAST_HEALTHY <= healthy < math.inf:
         raise RecordingError(f"expected a healthy stretch of at least {LEAST_HEALTHY:g} s, got {healthy:g} s")
-    seconds = float(t[-1] - t[0]) if len(t) else 0.0
+    known = int(np.isfinite(effort).all(axis=-1).sum())
+    seconds = max(known - 1, 0) * arm.period
     if not seconds > healthy:
+        how = "" if known == len(t) else " with an open gripper"
         raise RecordingError(
-            f"expected a log of more than {healthy:g} s, in which the arm is learned, got {seconds:g} s"
+            f"expected a log of more than {healthy:g} s{how}, in which the arm is learned, got {seconds:g} s"
         )
     learning = Learning(arm, healthy)
-    for part in _parts(t, q, target, effort):
+    for part in _parts(t, q, target, effort, acting):
         learning.follow(*part)
         if learning.doubt is not None:
             raise RecordingError(
@@ -152,20 +172,30 @@ def acquainted(arm: Arm, t: Array, q: Array, target: Array, effort: Array, healt
     return learning.watch
 
 
-def passed(arm: Arm, t: Array, q: Array, target: Array, effort: Array, healthy: float = HEALTHY) -> Learning:
+def passed(
+    arm: Arm,
+    t: Array,
+    q: Array,
+    target: Array,
+    effort: Array,
+    healthy: float = HEALTHY,
+    acting: Array | None = None,
+) -> Learning:
     """What the monitor of a running cell comes to whom the samples of a log have passed: see `acquainted`.
 
     Where the healthy stretch does not suffice, it learns for longer, as `Learning` says.
     """
     learning = Learning(arm, healthy)
-    for part in _parts(t, q, target, effort):
+    for part in _parts(t, q, target, effort, acting):
         learning.follow(*part)
     if learning.watch is not None:
         learning.watch.end()
     return learning
 
 
-def _parts(t: Array, q: Array, target: Array, effort: Array) -> Iterator[tuple[Array, Array, Array, Array]]:
+def _parts(
+    t: Array, q: Array, target: Array, effort: Array, acting: Array | None
+) -> Iterator[tuple[Array, Array, Array, Array, Array | None]]:
     for first in range(0, len(t), _AT_ONCE):
         part = slice(first, first + _AT_ONCE)
-        yield t[part], q[part], target[part], effort[part]
+        yield t[part], q[part], target[part], effort[part], None if acting is None else acting[part]

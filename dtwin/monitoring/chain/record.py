@@ -82,7 +82,7 @@ class ArmRecord(msgspec.Struct, frozen=True):
         return FirstFault.knowing(arm, drives, self.habits)
 
 
-def judged(record: ArmRecord, arm: Arm, rows: tuple[Array, Array, Array, Array]) -> FirstFault:
+def judged(record: ArmRecord, arm: Arm, rows: tuple[Array, Array, Array, Array, Array]) -> FirstFault:
     """Who knows the arm of a record, after a log: rows as `FirstFault.follow` takes them.
 
     Raises:
@@ -90,8 +90,8 @@ def judged(record: ArmRecord, arm: Arm, rows: tuple[Array, Array, Array, Array])
     """
     watch = record.watch(arm)
     for first in range(0, len(rows[0]), _AT_ONCE):
-        t, q, target, effort = (row[first : first + _AT_ONCE] for row in rows)
-        watch.follow(t, q, target, effort)
+        t, q, target, effort, acting = (row[first : first + _AT_ONCE] for row in rows)
+        watch.follow(t, q, target, effort, acting)
         if watch.settled:
             break
     watch.end()

@@ -6,6 +6,7 @@ their expectation. Samples come as they pass, or all of a log at once, with the 
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Final
 
@@ -19,7 +20,8 @@ from dtwin.monitoring.chain.finding import ChainFinding
 from dtwin.monitoring.chain.pressed import Pressed
 
 HEALTHY: Final = 60.0
-"""Time from the beginning in which the arm is taken to be healthy, s."""
+"""Time from the beginning in which the arm is taken to be healthy, s: that in which nobody knows what it carries does
+not count."""
 EXPLAINS: Final = 3.0
 """Time after the first evidence of the drives in which an encoder's or a joint's fault explains it, s."""
 USUAL: Final = {"K": 0.2, "friction": 1.0, "bias": 0.01}
@@ -30,12 +32,16 @@ START: Final = 1.0
 """Time from the first sample in which an arm that is known already is not judged, s."""
 
 
+_ROUNDING: Final = 1e-6
+"""Parts of a sample by which a time may not be a whole number of periods."""
+
+
 class FirstFault:
     """Learns an arm from its first samples, and finds the first fault after them.
 
     Args:
         arm: the arm as its data sheet says.
-        healthy: time from the first sample in which it is healthy, s.
+        healthy: time in which it is healthy, s, without that in which nobody knows what it carries.
 
     Attributes:
         time: time of the last sample, s.
@@ -48,6 +54,7 @@ class FirstFault:
         self._arm = arm
         self._healthy = healthy
         self._learning: list[tuple[Array, Array, Array, Array]] = []
+        self._seen = 0
         self._begin: float | None = None
         self._encoders: Encoders | None = None
         self._pressed: Pressed | None = None
@@ -93,7 +100,7 @@ class FirstFault:
     def forget(self) -> None:
         """Begins a new stretch after samples that nobody knows; what is not learned yet is learned anew."""
         self._last = _none(len(self._arm))
-        self._learning, self._begin = [], None
+        self._learning, self._seen, self._begin = [], 0, None
         if self.drives is not None:
             self.drives.forget()
         if self._pressed is not None:
@@ -146,8 +153,7 @@ class FirstFault:
 
     def _learn(self, t: Array, q: Array, target: Array, effort: Array) -> int:
         """Takes samples of the healthy stretch; returns how many of them belong to it."""
-        self._begin = float(t[0]) if self._begin is None else self._begin
-        count = int(np.searchsorted(t, self._begin + self._healthy))
+        count, self._seen = enough(effort, self._seen, self._healthy / self._arm.period)
         self._learning.append((t[:count], q[:count], target[:count], effort[:count]))
         self.time = float(t[max(count - 1, 0)])
         if count < len(t):
@@ -194,6 +200,22 @@ class FirstFault:
             self.finding, self._of_encoder = told, True
         elif told.time <= alarm.time + EXPLAINS:
             self.finding, self._of_encoder = replace(told, time=min(told.time, alarm.time)), True
+
+
+def enough(effort: Array, seen: int, needed: float) -> tuple[int, int]:
+    """How many samples have come once so many are there in which it is known what the arm carries.
+
+    Args:
+        effort: what acts at further samples, (N, n); NaN where nobody knows what the arm carries.
+        seen: known ones before these.
+        needed: how many known ones are needed, of parts of a sample the next whole one.
+
+    Returns:
+        The number of the further samples that belong to them, and the number of known ones up to there.
+    """
+    counts = seen + np.concatenate([[0], np.cumsum(np.isfinite(effort[:, 0]))])
+    count = min(int(np.searchsorted(counts, math.ceil(needed - _ROUNDING))), len(effort))
+    return count, int(counts[count])
 
 
 def usual_size(arm: Arm, cause: str) -> float:

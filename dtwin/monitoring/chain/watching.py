@@ -182,9 +182,9 @@ def _part(record: Record, arm: Arm, stretch: Smooth) -> _Part:
     t: Array = stretch.start + stretch.dt * np.arange(len(effort), dtype=np.float64)
     return _Part(
         t,
-        low_passed(effort - carried - lost, stretch.dt, corner),
-        low_passed(changes, stretch.dt, corner),
-        moves,
+        stretch.through(effort - carried - lost, corner),
+        stretch.through(changes, corner),
+        moves & stretch.usable[:, None],
         stretch.dt,
     )
 

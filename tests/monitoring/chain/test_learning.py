@@ -42,7 +42,7 @@ def test_a_monitor_learns_for_longer_where_half_of_the_stretch_does_not_foretell
     with pytest.raises(RecordingError, match="expected at least 30 s") as refused:
         acquainted(LATE_WRIST.arm, ran.t, ran.q, ran.target, ran.effort, 20.0)
     words = str(refused.value).partition("; expected")[0]
-    assert words.startswith("the first 20 s do not suffice to know the arm: who knows half of them would tell 10.0")
+    assert words.startswith("the first 20 s do not suffice to know the arm: who knows half of them would tell 10.1")
     monitor = ArmMonitor(LATE_WRIST.arm, 20.0)
     fed(monitor, rows_of(run(replace(LATE_WRIST, duration=30.0))))
     unit = monitor.verdict().units["joint 1"]

@@ -92,7 +92,7 @@ def test_it_does_not_matter_how_many_samples_come_together(together: int, lost: 
 
 
 def test_a_monitor_goes_on_after_a_push_and_after_samples_that_are_missing() -> None:
-    ran = run(replace(SETTINGS, duration=BEGIN + 12.0, faults=(parse_chain_fault("push2+=4@38-38.5", 2),)))
+    ran = run(replace(SETTINGS, duration=BEGIN + 12.0, faults=(parse_chain_fault("push2+=2@38-38.5", 2),)))
     monitor = ArmMonitor(SETTINGS.arm, HEALTHY)
     for part in (slice(0, 3500), slice(3520, 4200), slice(4200, 5000)):
         if part.start == 3520:
@@ -153,7 +153,7 @@ def test_a_healthy_stretch_too_short_for_the_work_is_refused(
     capsys.readouterr()
     assert main(["monitor", log, *arm, "--healthy", "20"]) == 2
     said = capsys.readouterr().err
-    assert "the first 20 s do not suffice to know the arm: who knows half of them would tell 10.00 s: push on" in said
+    assert "the first 20 s do not suffice to know the arm: who knows half of them would tell 10.10 s: push on" in said
     assert "expected at least 30 s, without a fault and with all of the arm's work (--healthy)" in said
     assert said.count("\n") == 1
     assert main(["monitor", log, *arm, "--healthy", "30"]) == 0
