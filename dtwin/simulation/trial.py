@@ -59,8 +59,8 @@ class Trial:
         predicted: largest distance of each joint from its path that the twin predicted, rad.
 
     Attributes:
-        began: plant time of the first sample, s, with which the trial begins, whether it could be judged or its command
-            was late; infinite before.
+        began: plant time of the first sample, s, with which the trial begins, also where its command was late;
+            infinite before.
         measured: largest distance of each joint that counted so far, rad.
         bounds: bounds of the distance of each joint from the next motion on, rad.
         offender: joint, from 1, that failed, or 0 for none; a trial that fails without one could not judge the arm.
