@@ -47,7 +47,7 @@ from dtwin.errors import CommunicationError, ParameterError, UnansweredError
 from dtwin.parameters import PERIOD, ArmParameters, CellJoints, Gains, joint_vector
 from dtwin.services.runfile import join
 from dtwin.signals import Sensors, Voltages
-from iec61499.net.closing import Closing
+from iec61499.net.sockets import Closing
 
 log = logging.getLogger(__name__)
 

@@ -25,7 +25,7 @@ from dtwin.bus.topics.topic import Topic
 from dtwin.errors import ParameterError
 from dtwin.names import check_name
 from dtwin.terminal import printable
-from iec61499.net.closing import Closing
+from iec61499.net.sockets import Closing
 
 log = logging.getLogger(__name__)
 

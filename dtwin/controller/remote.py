@@ -10,7 +10,7 @@ from dtwin.parameters import JointVector
 from dtwin.signals import Event, Sensors, Voltages
 from iec61499.net.address import StreamAddress
 from iec61499.net.client import BlockingClient
-from iec61499.net.closing import Closing
+from iec61499.net.sockets import Closing
 
 TIMEOUT: Final = 1.0
 """Longest wait for every answer, s."""

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from dtwin.errors import DtwinError, ParameterError, choices
 from dtwin.parameters import ArmParameters, Point
 from dtwin.task import RGB, Task
-from iec61499.net.closing import Closing
 
 NO_GL: Final = (
     "there is no OpenGL to draw with: on Linux `apt install libegl1 libgl1-mesa-dri`, which needs no GPU,"
@@ -66,7 +65,7 @@ def renderer_of(model: mujoco.MjModel, width: int, height: int) -> mujoco.Render
         raise DtwinError(NO_GL) from None
 
 
-class Studio(Closing):
+class Studio:
     """Takes pictures of a cell; to be closed, or used as a context.
 
     Args:
@@ -100,6 +99,12 @@ class Studio(Closing):
         self._half = np.array(model.geom_size[self._held])
         self._model, self._data, self._camera = model, mujoco.MjData(model), camera
         self._renderer = renderer_of(model, width, height)
+
+    def __enter__(self) -> Studio:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
     def close(self) -> None:
         """Gives the memory of the pictures back."""

@@ -11,7 +11,7 @@ from dtwin.line.system import plant_of, setup_of
 from iec61499.model import System
 from iec61499.net.address import parse_block_id
 from iec61499.net.client import BlockingClient
-from iec61499.net.closing import Closing
+from iec61499.net.sockets import Closing
 from iec61499.net.wire import Signature
 from iec61499.types import BOOL, DINT, DataType
 

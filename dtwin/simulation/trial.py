@@ -59,7 +59,7 @@ class Trial:
         predicted: largest distance of each joint from its path that the twin predicted, rad.
 
     Attributes:
-        began: plant time of the first sample, s, with which the trial begins, be its command in time or late;
+        began: plant time of the first sample, s, with which the trial begins, also where its command was late;
             infinite before.
         measured: largest distance of each joint that counted so far, rad.
         bounds: bounds of the distance of each joint from the next motion on, rad.

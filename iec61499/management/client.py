@@ -30,7 +30,7 @@ from iec61499.management.protocol import (
 )
 from iec61499.net.address import StreamAddress
 from iec61499.net.client import BlockingClient
-from iec61499.net.closing import Closing
+from iec61499.net.sockets import Closing
 from iec61499.net.wire import Message
 
 _RESET: Final[tuple[RequestAction, ...]] = ("KILL", "RESET", "START")

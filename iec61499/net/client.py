@@ -9,9 +9,8 @@ from itertools import islice
 
 from iec61499.errors import CommunicationError
 from iec61499.net.address import StreamAddress
-from iec61499.net.closing import Closing
 from iec61499.net.encoding import Value
-from iec61499.net.sockets import connected_socket
+from iec61499.net.sockets import Closing, connected_socket
 from iec61499.net.stream import CHUNK
 from iec61499.net.wire import Message, MessageReader, Signature
 

@@ -15,13 +15,27 @@ import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Final
+from typing import Final, Self
 
 from iec61499.errors import CommunicationError
 from iec61499.net.address import Address, LocalAddress, StreamAddress
 
 BACKLOG: Final = 128
 """Connections the kernel holds until they are accepted."""
+
+
+class Closing:
+    """What holds connections: a context manager that closes them at its end."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Closes them."""
+        raise NotImplementedError
 
 
 def tune(sock: socket.socket) -> None:

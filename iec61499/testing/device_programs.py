@@ -184,23 +184,37 @@ def _build(client: ManagementClient, commands: Sequence[Command], file: str) -> 
 
 
 def _awaited(client: ManagementClient, program: Watched, file: str, longest: float) -> Checks:
-    """What the checks have found when the test has ended."""
+    """What the checks have found when the test has ended.
+
+    A device goes on while it writes down its counts: what it tells of the checks may be older than what it tells of
+    the end in the same answer. So they are read once more when the end has come.
+    """
     end = time.monotonic() + longest
+    over = False
     while True:
         counts = {name: client.watched(name) for name in {**program.checks, **program.ends}}
-        checks = Checks()
-        for name, blocks in program.checks.items():
-            for block in blocks:
-                failed, passed = (_came(counts[name], f"{block}{ending}.EO0") for ending in _GATES.values())
-                checks.made += failed + passed
-                if failed:
-                    checks.failed[block] = None
-        if any(_came(counts[name], f"{block}.CNF") for name, blocks in program.ends.items() for block in blocks):
+        checks = _found(program, counts)
+        if over:
             return checks
+        over = any(_came(counts[name], f"{block}.CNF") for name, blocks in program.ends.items() for block in blocks)
+        if over:
+            continue
         if time.monotonic() > end:
             said = f"; {checks}" if checks.made else ""
             raise FunctionBlockError(f"does not come to its {END} within {longest:g} s{said}", file)
         time.sleep(READING)
+
+
+def _found(program: Watched, counts: Mapping[str, Mapping[str, str]]) -> Checks:
+    """What the checks have found, by the counts of each resource."""
+    checks = Checks()
+    for name, blocks in program.checks.items():
+        for block in blocks:
+            failed, passed = (_came(counts[name], f"{block}{ending}.EO0") for ending in _GATES.values())
+            checks.made += failed + passed
+            if failed:
+                checks.failed[block] = None
+    return checks
 
 
 def _came(counts: Mapping[str, str], event: str) -> int:

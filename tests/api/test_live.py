@@ -15,7 +15,7 @@ def desk() -> Iterator[Desk]:
     with new_desk() as desk:
         with pytest.raises(dtwin.DtwinError, match="cell 'cell' is not up on this machine"):
             dtwin.connect()
-        desk.detach("--pace", "lockstep", "--seed", "2", "--simulation", "--history", str(desk.folder / "h.jsonl"))
+        desk.detach("--pace", "realtime", "--seed", "2", "--simulation", "--history", str(desk.folder / "h.jsonl"))
         yield desk
 
 

@@ -163,9 +163,10 @@ def uploads(bus: Bus) -> None:
 
 
 def by_hand(desk: Desk, bus: Bus) -> None:
-    desk.run("upload", "gains", "--why", "to try", "--who", "anna", "--kp", "260", "500", "300")
-    assert bus.ask(SETTINGS, None, SettingsInForce).gains.kp == (260.0, 500.0, 300.0)
-    answer = json.loads(desk.run("upload", "rollback", "--why", "no good", "--who", "bob"))
+    with desk.standing_still():
+        desk.run("upload", "gains", "--why", "to try", "--who", "anna", "--kp", "260", "500", "300")
+        assert bus.ask(SETTINGS, None, SettingsInForce).gains.kp == (260.0, 500.0, 300.0)
+        answer = json.loads(desk.run("upload", "rollback", "--why", "no good", "--who", "bob"))
     assert (answer["action"], answer["on_trial"], answer["gains"]["kp"]) == (
         "roll back",
         False,

@@ -367,10 +367,11 @@ def test_a_secured_cell_uploads_identifies_and_monitors(
         with join("cell") as bus:
             verdicts: list[MonitoringVerdict] = []
             bus.subscribe(MONITORING, MonitoringVerdict, verdicts.append)
-            said = json.loads(desk.run("upload", "gains", "--why", "to try", "--kp", "550", "540", "530"))
-            assert (said["action"], said["on_trial"]) == ("upload", True)
-            assert bus.ask(UPLOAD, None, Upload).gains.kp == (550.0, 540.0, 530.0)
-            assert json.loads(desk.run("upload", "rollback", "--why", "enough"))["action"] == "roll back"
+            with desk.standing_still():
+                said = json.loads(desk.run("upload", "gains", "--why", "to try", "--kp", "550", "540", "530"))
+                assert (said["action"], said["on_trial"]) == ("upload", True)
+                assert bus.ask(UPLOAD, None, Upload).gains.kp == (550.0, 540.0, 530.0)
+                assert json.loads(desk.run("upload", "rollback", "--why", "enough"))["action"] == "roll back"
             said = json.loads(desk.run("identify", "live", "--accept", "--upload", "--json"))
             assert said["phase"] == "accepted"
             assert bus.ask(UPLOAD, None, Upload).model != ArmParameters()

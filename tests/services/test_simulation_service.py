@@ -234,7 +234,7 @@ def test_values_set_by_hand_pass_the_same_checks_and_stand_in_the_same_history(c
             (["target", "set", "--time", "2.2"], lambda said: said["target_time"] == 2.2),
             (["model", "set", "--set", "m1=0.119"], lambda said: said["model"]["mass"][0] == 0.119),
         ):
-            with standing_still(cell):  # in lockstep the trial may be over before the next command asks
+            with cell.standing_still():
                 said = json.loads(cell.run(*words))
                 back = json.loads(cell.run("upload", "rollback", "--why", "enough"))
             assert (said["action"], said["on_trial"], said["text"]) == ("upload", True, "by hand")
@@ -296,7 +296,7 @@ def test_identified_models_and_optimised_gains_come_from_files(cell: Desk, tmp_p
         json.dumps({"target_time": 1.9, "gains": {"kp": [210, 480, 300], "ki": [70, 200, 150], "kd": [2, 2, 2]}})
     )
     upload = ("upload", "gains", "--why", "optimised", "--file", str(saved), "--arm", str(file))
-    with standing_still(cell):  # in lockstep the trial would be over before a busy machine asks for the next one
+    with cell.standing_still():
         answer = json.loads(cell.run(*upload))
         message = cell.run("upload", "target", "--why", "impatient", "--time", "0.2", status=2)
     assert answer["target_time"] == 1.9
@@ -413,17 +413,6 @@ def test_an_upload_that_comes_at_once_waits_for_what_it_is_checked_with(
     history = History(tmp_path / "history.jsonl")
     simulation.Simulation(cast(Any, FakeService()), history, cast(Any, checker)).run()
     assert checker.noted == ["load", "upload"]
-
-
-@contextmanager
-def standing_still(cell: Desk) -> Iterator[None]:
-    """Lets no plant time pass meanwhile."""
-    emulator = cell.find("dtwin.services.emulator")
-    os.kill(emulator, signal.SIGSTOP)
-    try:
-        yield
-    finally:
-        os.kill(emulator, signal.SIGCONT)
 
 
 def until_calm(samples: int = 200) -> None:

@@ -135,6 +135,16 @@ class Desk:
         (pid,) = (pid for pid, line in self.processes().items() if part in line)
         return pid
 
+    @contextmanager
+    def standing_still(self) -> Iterator[None]:
+        """Lets no plant time pass meanwhile: in lockstep a trial may be over before the next command asks."""
+        emulator = self.find("dtwin.services.emulator")
+        os.kill(emulator, signal.SIGSTOP)
+        try:
+            yield
+        finally:
+            os.kill(emulator, signal.SIGCONT)
+
     def join_as_stranger(self) -> Bus:
         """The bus of the cell that is up, for somebody who does not know its key."""
         up = runfile.require("cell")

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from dtwin.arm.chain import Arm, Array
 from dtwin.emulation.chain.geometry import Geometry
 from dtwin.emulation.picture import renderer_of
-from iec61499.net.closing import Closing
 
 VIEWS: Final[dict[str, tuple[float, float]]] = {
     "overview": (125.0, -20.0),
@@ -27,7 +26,7 @@ _ROOM: Final = 0.75
 _AMBIENT, _DIFFUSE = 0.3, 0.35
 
 
-class ChainStudio(Closing):
+class ChainStudio:
     """Takes pictures of an arm; to be closed, or used as a context.
 
     Args:
@@ -49,6 +48,12 @@ class ChainStudio(Closing):
         light = self._geometry.model.vis.headlight
         light.ambient, light.diffuse = (_AMBIENT,) * 3, (_DIFFUSE,) * 3
         self._renderer = renderer_of(self._geometry.model, width, height)
+
+    def __enter__(self) -> ChainStudio:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
     def close(self) -> None:
         """Gives the memory of the pictures back."""

@@ -34,7 +34,8 @@ CHECKED;<Request ID="12" Action="CREATE"><Connection Source="COUNT.Q" Destinatio
 CHECKED;<Request ID="13" Action="CREATE"><Connection Source="LAST.EO1" Destination="CHECK.REQ" /></Request>
 CHECKED;<Request ID="14" Action="CREATE"><Connection Source="CHECK.CNF" Destination="END.REQ" /></Request>
 CHECKED;<Request ID="15" Action="WRITE"><Connection Source="TRUE" Destination="CHECK.check" /></Request>
-CHECKED;<Request ID="16" Action="START"/>
+CHECKED;<Request ID="16" Action="CREATE"><Connection Source="LAST.EO1" Destination="CYCLE.STOP" /></Request>
+CHECKED;<Request ID="17" Action="START"/>
 """
 WITHOUT_Q = '<Connection Source="LAST.EO1" Destination="CHECK.REQ" />'
 ALL_EVENTS = (
