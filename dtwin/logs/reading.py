@@ -39,6 +39,9 @@ def read_log(path: Path) -> Log:
         raise RecordingError(f"{path}: expected a Parquet file{_other(path)}") from None
     except OSError as error:
         raise RecordingError(f"{path}: {_why(error)}") from None
+    if "measured_1" not in names and (arm := (table.schema.metadata or {}).get(b"arm")):
+        name = arm.decode(errors="replace")
+        raise RecordingError(f"{path}: a log of the arm {name}: expected --arm {name}, or one of the thesis's arm")
     found = {name: _column(path, table, name) for name in COLUMNS if _is_there(path, names, name)}
     events, metadata = notes_of(path, table.schema)
     return Log(completed(str(path), found, len(table)), events, metadata)

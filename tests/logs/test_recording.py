@@ -194,6 +194,10 @@ def test_the_log_of_an_arm_that_nobody_knows_the_truth_of(tmp_path: Path) -> Non
             lambda t: replaced(t, "t", pa.array([0.0, float("nan"), 0.01, 0.02])),
             "column t, row 1: expected 0 to 1e+09 s, got nan",
         ),
+        (
+            lambda t: t.select(["t"]).replace_schema_metadata({"arm": "planar-2r"}),
+            "a log of the arm planar-2r: expected --arm planar-2r, or one of the thesis's arm",
+        ),
         (lambda t: t.replace_schema_metadata({"dtwin.events": "[{}]"}), "expected events and run metadata as JSON"),
     ],
 )
