@@ -265,6 +265,20 @@ class Arm:
         """Names of the joints whose drives are commanded a position."""
         return tuple(joint.name for joint in self.joints if joint.actuator.commanded == "position")
 
+    @property
+    def path_speeds(self) -> Array:
+        """The largest speeds of paths, (n,), rad/s or m/s.
+
+        A drive that takes a position has its command for a tick. Where that moves on by what takes all of its loop's
+        torque, the drive lets go of its joint between two commands; paths keep to half of that.
+        """
+        speeds = np.array([joint.speed for joint in self.joints])
+        stiffness = np.array([joint.actuator.stiffness or 0.0 for joint in self.joints])
+        reach = np.array([joint.largest for joint in self.joints])
+        with np.errstate(divide="ignore"):
+            found: Array = np.minimum(speeds, 0.5 * reach / (stiffness * self.period))
+        return found
+
     def __len__(self) -> int:
         """The number of joints n."""
         return len(self.joints)

@@ -156,7 +156,7 @@ def _check(path: Path, arm: Arm, curve: BSpline, duration: float) -> None:
             expected = f"expected {joint.lower:.6g} to {joint.upper:.6g}, got {values[first, k]:.6g}"
             raise ParameterError(f"{path}: t = {t[first]:.4g} s: {joint.name}: {expected}")
         for what, limit, found, power in (
-            ("speed", joint.speed, np.abs(speeds[:, k]), 1.0),
+            ("speed", float(arm.path_speeds[k]), np.abs(speeds[:, k]), 1.0),
             ("acceleration", joint.acceleration, np.abs(changes[:, k]), 0.5),
         ):
             worst = int(np.argmax(found))

@@ -84,7 +84,7 @@ def asked(arm: Arm, begin: Array, end: Array, factor: float = 1.0) -> Array:
         end: where they end, (k, n).
         factor: accelerations in parts of the arm's.
     """
-    speed = np.array([joint.speed for joint in arm.joints])
+    speed = arm.path_speeds
     change = factor * np.array([joint.acceleration for joint in arm.joints])
     way = end - begin
     with np.errstate(divide="ignore", invalid="ignore"):  # a way of no length takes no time

@@ -1,11 +1,15 @@
 """`dtwin arm check`: what a person has to correct before an arm does what its file says."""
 
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from dtwin.arm.file import FOLDER
 from dtwin.cli import main
+from dtwin.run.arm_cell import ArmCell
+from dtwin.run.chain import run
 
 URDF = """<robot name="two"><link name="base"/>
 <link name="upper"><inertial><origin xyz="0.1 0 0"/><mass value="0.5"/>
@@ -58,7 +62,20 @@ def test_a_servo_that_is_too_stiff_for_the_tick_is_told(tmp_path: Path, capsys: 
     file.write_text(text.replace("stiffness = ", "stiffness = 100"))
     status, said = checked(file, capsys)
     assert status == 1
-    assert "in a tick: shorten period, or lower speed" in said
+    assert "in a tick: shorten period, or lower speed; its paths keep to 0.00999 rad/s" in said
+
+
+def test_paths_are_slow_enough_for_drives_that_are_too_stiff_for_the_tick(tmp_path: Path) -> None:
+    """Twice as fast, all torque of a loop would be gone between two commands: it lets go of its joint."""
+    text = (FOLDER / "servo-2r.toml").read_text().replace('model = "', f'model = "{FOLDER}/')
+    text = text.replace("= 150.0 ", "= 6000.0 ").replace("= 60.0", "= 2400.0")
+    file = tmp_path / "stiff.toml"
+    file.write_text(text.replace("damping = 6.0", "damping = 24.0").replace("damping = 2.0", "damping = 8.0"))
+    settings = ArmCell(arm=str(file), machine="7").settings(20.0)
+    slow, fast = (run(replace(settings, control=replace(settings.control, speed=speed))) for speed in (1.0, 4.0))
+    assert np.abs(np.diff(slow.target, axis=0)).max() > 0.9 * 0.01 * settings.arm.path_speeds.min()
+    assert (slow.stop, slow.saturated.max()) == (0, 0.0)
+    assert fast.saturated.max() > 100.0
 
 
 def test_a_log_that_is_not_there_is_told_as_such(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

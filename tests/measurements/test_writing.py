@@ -44,7 +44,10 @@ def measurements(draw: st.DrawFn) -> Measurement:
         if draw(st.booleans()):
             t = np.concatenate([t[:60], t[: len(t) - 60]])
     warm = some(np.round(generator.uniform(20.0, 60.0, q.shape), 1))
-    return Measurement("drawn", joints, t, q, some(v), effort, kind, some(q + 0.01), warm, starts, episodes)
+    held = generator.uniform(size=len(t)) < 0.5 if draw(st.booleans()) else None
+    return Measurement(
+        "drawn", joints, t, q, some(v), effort, kind, some(q + 0.01), warm, starts, episodes, gripped=held
+    )
 
 
 def same(one: Measurement, other: Measurement, exact: bool) -> None:
@@ -53,7 +56,7 @@ def same(one: Measurement, other: Measurement, exact: bool) -> None:
     assert other.kind == one.kind
     assert other.starts == one.starts
     assert np.allclose(other.t, one.t, rtol=0.0, atol=0.0 if exact else 1e-9)
-    for name in ("q", "v", "effort", "command", "temperature"):
+    for name in ("q", "v", "effort", "command", "temperature", "gripped"):
         expected, got = getattr(one, name), getattr(other, name)
         assert (expected is None) == (got is None), name
         if expected is not None:

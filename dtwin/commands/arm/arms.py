@@ -143,17 +143,17 @@ def _stiff(arm: Arm) -> list[str]:
     """Which drives that take positions are too stiff for the tick, as lines for people.
 
     Blocks command no more than the position that was measured and what the loop's largest torque takes. Where a joint
-    goes that far in a tick, its drive lets it go before the next command.
+    goes that far in a tick, its drive lets it go before the next command, so that paths keep to `Arm.path_speeds`.
     """
     lines = []
-    for joint in arm.joints:
+    for joint, kept in zip(arm.joints, arm.path_speeds.tolist(), strict=True):
         stiffness = joint.actuator.stiffness
-        if stiffness is None or joint.speed * arm.period <= joint.largest / stiffness:
+        if stiffness is None or joint.speed <= kept:
             continue
         lines.append(
             f"joints.{joint.name}: its loop gives all of its torque {joint.largest / stiffness:.2g} {joint.unit} off "
             f"its command, and it goes {joint.speed * arm.period:.2g} {joint.unit} in a tick: shorten period, or "
-            "lower speed"
+            f"lower speed; its paths keep to {kept:.3g} {joint.unit}/s"
         )
     return lines
 

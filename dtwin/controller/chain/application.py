@@ -388,6 +388,6 @@ def _tuning(arm: Arm, k: int, inertia: float, control: Control) -> dict[str, flo
         **dict(zip(("KP", "KI", "KD"), gains, strict=True)),
         "BANDWIDTH": control.observer,
         "DELAY": control.delay,
-        "SPEED": joint.speed * control.speed,
+        "SPEED": float(arm.path_speeds[k]) * control.speed,
         "ACCELERATION": joint.acceleration * control.speed**2,
     }

@@ -14,6 +14,7 @@ STATES: Final = "/joint_states"
 COMMANDS: Final = "/joint_commands"
 INTERFACES: Final = "/dynamic_joint_states"
 EPISODES: Final = "/episode"
+GRIPS: Final = "/gripped"
 _VALUES: Final = "control_msgs/msg/InterfaceValue"
 _DEFINITIONS: Final = {
     _VALUES: "string[] interface_names\nfloat64[] values\n",

@@ -14,6 +14,7 @@ from dtwin.measurements.formats.bag_types import (
     COMMANDS,
     DYNAMIC,
     EPISODES,
+    GRIPS,
     INTERFACES,
     JOINT_STATE,
     NUMBER,
@@ -31,9 +32,9 @@ def write_bag(measurement: Measurement, path: Path) -> None:
 
     /joint_states has positions, velocities, and an effort that is a torque, or of which nobody knows what it is;
     /dynamic_joint_states what JointState has no word or unit for: torque, current, voltage, temperature, and
-    positions of the motors; /joint_commands the commanded positions; /episode the number of the episode, whenever it
-    changes. The stamps of the headers are those of the measurement; the times of the recording go on where stamps
-    begin again.
+    positions of the motors; /joint_commands the commanded positions; /episode the number of the episode, and
+    /gripped whether the gripper is closed, whenever it changes. The stamps of the headers are those of the
+    measurement; the times of the recording go on where stamps begin again.
 
     Raises:
         RecordingError: rosbags is not installed.
@@ -61,17 +62,18 @@ def _messages(measurement: Measurement, store: Any) -> Iterator[tuple[str, str, 
     effort = measurement.effort if measurement.kind in ("torque", None) else None
     stamps = np.rint(measurement.t * _SECOND).astype(np.int64)
     extra = _interfaces(measurement)
-    episodes = np.zeros(len(measurement), dtype=np.int64) if measurement.episodes is None else measurement.episodes
-    before = None
+    numbers = {EPISODES: measurement.episodes, GRIPS: measurement.gripped}
+    before: dict[str, int] = {}
 
     def at(values: Array | None, row: int) -> Array:
         return empty if values is None else values[row]
 
     for row, time in enumerate(_times(stamps, measurement.step).tolist()):
         head = header(stamp(*map(int, divmod(int(stamps[row]), _SECOND))), "")
-        if measurement.episodes is not None and episodes[row] != before:
-            before = episodes[row]
-            yield EPISODES, NUMBER, time, store.types[NUMBER](int(before))
+        for topic, values in numbers.items():
+            if values is not None and int(values[row]) != before.get(topic):
+                before[topic] = int(values[row])
+                yield topic, NUMBER, time, store.types[NUMBER](before[topic])
         message = state(head, names, measurement.q[row], at(measurement.v, row), at(effort, row))
         yield STATES, JOINT_STATE, time, message
         if measurement.command is not None:

@@ -11,10 +11,12 @@ import numpy as np
 
 from dtwin.errors import RecordingError
 from dtwin.measurements.doors import Table
-from dtwin.measurements.formats.bag_types import DYNAMIC, EPISODES, JOINT_STATE, NUMBER
+from dtwin.measurements.formats.bag_types import DYNAMIC, EPISODES, GRIPS, JOINT_STATE, NUMBER
 from dtwin.measurements.measurement import Array, Oddity
-from dtwin.measurements.naming import EPISODE, KINDS, TIME, UNITS, checked_joints, column_name
+from dtwin.measurements.naming import EPISODE, GRIPPED, KINDS, TIME, UNITS, checked_joints, column_name
 
+_NUMBERS: Final = {EPISODES: EPISODE, GRIPS: GRIPPED}
+"""Topics of single numbers, which hold until the next one, with the names of their columns."""
 _FIELDS: Final = ("position", "velocity", "effort")
 _COMMANDED: Final = re.compile(r"command|cmd|target|desired|reference|goal", re.IGNORECASE)
 """What topics of commanded joint states are called."""
@@ -75,11 +77,11 @@ def read_bag(path: Path, wanted: Sequence[str] = ()) -> Table:
         held_rows = _held(times, commands)
         columns |= _named("command", "rad", joints, [_state(row, "position") for row in held_rows])
     columns |= _dynamic(topics, times, joints, columns)
-    numbers = next((found for (_, kind), found in topics.items() if kind == NUMBER), None)
-    if numbers:
-        columns[EPISODE] = np.array(
-            [np.nan if m is None else m.data for m in _held(times, numbers)], dtype=np.float64
-        )
+    for said, name in _NUMBERS.items():
+        if numbers := topics.get((said, NUMBER)):
+            columns[name] = np.array(
+                [np.nan if m is None else m.data for m in _held(times, numbers)], dtype=np.float64
+            )
     return Table(f"{path} {topic}", {TIME: _stamps(rows)} | columns, np.arange(len(rows)), odd)
 
 
@@ -101,7 +103,7 @@ def _topics(path: Path) -> dict[tuple[str, str], list[_Message]]:
             wanted = [
                 c
                 for c in reader.connections
-                if c.msgtype in (JOINT_STATE, DYNAMIC) or (c.topic, c.msgtype) == (EPISODES, NUMBER)
+                if c.msgtype in (JOINT_STATE, DYNAMIC) or (c.topic in _NUMBERS and c.msgtype == NUMBER)
             ]
             for connection, time, raw in reader.messages(wanted) if wanted else ():
                 message = reader.deserialize(raw, connection.msgtype)
