@@ -264,8 +264,6 @@ class LiveCell(Closing):
     ) -> Upload:
         """Gives the controller other settings, which are checked on the twin and on trial. Needs `up --simulation`.
 
-        Gains and target time go together, a model or a version alone.
-
         Args:
             gains: gains of the control law, or the file in which `dtwin optimise` has saved them and a target time.
             kp: proportional gains of joints 1 to 3, 1/s^2; None for those of `gains`, or in force.
@@ -273,9 +271,8 @@ class LiveCell(Closing):
             kd: derivative gains, 1/s.
             target_time: duration of every motion from the next one on, s.
             model: the arm that the controller shall believe in, or file or name in `store` of an identified model.
-            set: parameters of that model in SI units, `{"m1": 0.12}` or `"m1=0.12"`; the others are those of `model`,
-                or in force.
-            version: version of the history whose settings shall be in force again.
+            set: parameters of it in SI units, `{"m1": 0.12}` or `"m1=0.12"`; others as in `model`, or in force.
+            version: version of the history whose settings shall be in force again, alone; so is a model.
             arm: the arm of the check, told like `model`; None for the one that the service knows.
             store: folder of the kept models; None for `identified`.
             based_on: version of the settings that you have seen; None for that in force. An old one is refused.
@@ -304,6 +301,17 @@ class LiveCell(Closing):
             version=version,
             arm=known_arm(arm, store),
         )
+        return self.send(request)
+
+    def send(self, request: UploadRequest) -> Upload:
+        """Sends a request for other settings as it is.
+
+        Args:
+            request: the message UploadRequest of docs/zenoh.md.
+
+        Raises:
+            CommunicationError: the settings are refused, or nobody answers.
+        """
         return self._settings(UPLOAD, request)
 
     @checked
