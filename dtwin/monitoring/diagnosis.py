@@ -100,7 +100,7 @@ class Diagnosis:
         # Where evidence counts for less, it has taken the time that is waited for otherwise.
         self._least = LEAST if temper == 1.0 else LEAST // 2
         likely = suspicions[:CONSIDERED]
-        self._likely = likely[:PAIRED]
+        self._suspicions, self._likely = list(likely), likely[:PAIRED]
         self._history, self._sample = history, sample
         self.candidates = stops(stopped, sizes)
         if likely:
@@ -136,8 +136,7 @@ class Diagnosis:
             candidate.follow(moment)
         self._prune()
         self._pair()
-        if self._pairs:
-            # One a sample, because each has to catch up, and the next sample does not wait.
+        if self._pairs:  # one a sample, because each has to catch up, and the next sample does not wait
             self.candidates.append(self._caught_up(self._pairs.pop()))
         found = self._conclusion()
         if found.candidate.worst <= self._misfit and not self._pairs:
@@ -159,8 +158,9 @@ class Diagnosis:
         top = found.candidate
         if top.worst > self._misfit and len(self._lately) == _SUDDEN:
             before = self._lately[0]
-            # After a push the healthy arm goes on: if that does not explain the motion, it was none.
-            if before.on_one_matter >= SURE and not before.candidate.fault.about.passing:
+            # After a push the healthy arm goes on, and torques without a law allow all: if they fail, they were none.
+            passing = before.candidate.fault.about.passing or before.candidate.fault.kind == UNKNOWN
+            if before.on_one_matter >= SURE and not passing:
                 return before
         return found
 
@@ -332,8 +332,8 @@ class Diagnosis:
         return probability >= DECIDED and (top.fault.kind == FREEZE or misfit <= self._misfit)
 
     def _pair(self) -> None:
-        """Has two changes at once tried: all if none alone explains the motion, and that two joints became weaker as
-        soon as it looks like the supply, from which that differs only once the third joint needs its motor."""
+        """Has two changes at once tried: all if none alone explains the motion, two weaker joints if it is like the
+        supply. Where no law seems to hold, what was suspected is tried anew: it may have been given up too soon."""
         if self.certain or self._paired == "all":
             return
         best = self.best()[0]
@@ -342,18 +342,18 @@ class Diagnosis:
         if best.misfit > self._misfit and self._sample - self.alarm >= LEAST:
             self._paired = "all"
             self._pairs = pairs(self._likely, self._sizes, self.alarm)
+        elif best.fault.kind == UNKNOWN and self._sample - self.alarm >= LEAST:
+            while self._suspicions:
+                self._pairs.append(Candidate(*self._suspicions.pop()[:2], self._sizes))
         elif self._paired == "no" and best.fault.kind == SUPPLY:
             self._paired = "weaker"
             self._pairs += [pair for pair in pairs(self._likely, self._sizes, self.alarm) if weakens(pair)]
 
     def _oppose(self, best: Candidate) -> None:
-        """Has the likeliest cause held against torques without a law since the same onset: since a later one they
-        would have to explain less, and could be no match for it."""
-        sample, joint = best.onset.sample, best.fault.joint or 1
-        if all(abs(sample - tried) > _BESIDE for tried in self._opposed):
-            self._opposed.add(sample)
-            torques = lawless(joint, best.onset, self._sizes)
-            self._pairs += [each for each in torques if each.everywhere or each.fault.joint == joint]
+        """Has the likeliest cause held against torques without a law since its onset: later ones are no match."""
+        if all(abs(best.onset.sample - tried) > _BESIDE for tried in self._opposed):
+            self._opposed.add(best.onset.sample)
+            self._pairs += lawless(best.fault.joint or 1, best.onset, self._sizes, others=False)
 
     def _pair_jumps(self, best: Candidate) -> None:
         """Has tried that an encoder jumped, as one sample has shown, beside a change of another joint, which cannot

@@ -149,9 +149,17 @@ def stopped_at_rest(resting: Sequence[StandsStill], sizes: dict[str, float]) -> 
     ]
 
 
-def lawless(joint: int, onset: Onset, sizes: dict[str, float]) -> list[Candidate]:
-    """That torques act which no law gives: on each joint, or on all, of which at first one (1 to 3) is suspected."""
-    where = [(fault, (fault.joint,)) for fault in faults(UNKNOWN)] + [(FaultId(UNKNOWN, joint), (1, 2, 3))]
+def lawless(joint: int, onset: Onset, sizes: dict[str, float], others: bool = True) -> list[Candidate]:
+    """That torques act which no law gives: on each joint, or on all, of which at first one (1 to 3) is suspected.
+
+    Args:
+        joint: that joint.
+        onset: since when.
+        sizes: plausible sizes of the changes.
+        others: whether such torques on one of the other joints are tried as well.
+    """
+    alone = faults(UNKNOWN) if others else (FaultId(UNKNOWN, joint),)
+    where = [(fault, (fault.joint,)) for fault in alone] + [(FaultId(UNKNOWN, joint), (1, 2, 3))]
     return [Candidate.lawless(fault, onset, sizes, size, *joints) for fault, joints in where for size in LAWLESS]
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dtwin.monitoring.candidate import Candidate
-from dtwin.monitoring.diagnosis import Diagnosis
+from dtwin.monitoring.diagnosis import LEAST, Diagnosis
 from dtwin.monitoring.estimation.belief import Belief
 from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.estimation.layout import ARM, INDEX
@@ -93,3 +93,22 @@ def test_the_likeliest_cause_is_held_against_torques_without_a_law_since_its_own
     held = [each for each in diagnosis.candidates if each.fault.kind == "unknown" and each.onset.sample == 0]
     assert held
     assert all(each.everywhere or str(each.fault) == "unknown2" for each in held)
+
+
+def test_what_was_given_up_is_tried_anew_where_no_law_seems_to_hold(belief: Belief) -> None:
+    sizes, moments = plausible_sizes(belief.arm), _moments(belief, lost=0.0, weaker=0.5)[: LEAST + 20]
+    history = Moments(len(moments))
+    for moment in moments[:10]:
+        history.append(moment)
+    onset = _onset(belief)
+    diagnosis = Diagnosis(
+        [Suspicion(parse_fault_id("K2"), onset, 50.0, 0.0, 1.0, ())], history, 10, sizes, False, temper=8.0
+    )
+    torques = [Candidate.lawless(FaultId("unknown", 2), onset, sizes, 0.3, 1, 2, 3)]
+    for each in torques:
+        each.catch_up(history, 10)
+    diagnosis.candidates = torques
+    for moment in moments[10:]:
+        history.append(moment)
+        diagnosis.update(moment)
+    assert diagnosis.best()[0].fault == FaultId("K", 2)
