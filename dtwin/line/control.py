@@ -212,6 +212,7 @@ class Control:
         self._renewed = False
         self._assignment: Assignment = line.assignment
         self._counts: dict[str, int] = {}
+        self._orders: dict[str, int] = {}
         self._done_by: dict[str, dict[str, str]] = {zone.name: {} for zone in line.zones}
         self._behind: dict[str, dict[str, str]] = {}
         self.stopped: set[str] = set()
@@ -250,6 +251,7 @@ class Control:
         """Goes on with blocks of the same kind from there."""
         self.blocks.resume(now.blocks)
         self._counts = dict(now.set_ups)
+        self._orders.clear()
         self._done_by = {name: dict(jobs) for name, jobs in now.done_by.items()}
 
     def _send_assignment(self, zone: ZonePlan, assignment: Assignment) -> bool:
@@ -332,4 +334,7 @@ class Control:
                 values = (sample.at, sample.standing, plant.tag(vehicle.box), sample.battery)
                 if answer := self._ask(plant_of(planned.name), values):
                     vehicle.obey(VehicleCommand(*answer))
-            self._ask(plant_of(zone.name), (plant.entry_tag(number), plant.room(number)))
+            if answer := self._ask(plant_of(zone.name), (plant.entry_tag(number), plant.room(number))):
+                if answer[0] < self._orders.get(zone.name, 0):  # it has begun anew between two samples
+                    self._renewed = True
+                self._orders[zone.name] = answer[0]

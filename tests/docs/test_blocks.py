@@ -130,6 +130,7 @@ READ: Final = {
     "experiment real": "reads logs that are not here: tests/commands/test_other_arms.py draws some",
     "experiment clearance": MINUTES,
     "experiment faults": MINUTES,
+    "experiment line-losses": "tests/line/test_losses.py has such runs",
     "experiment noise": MINUTES,
     "experiment strangers": MINUTES,
 }

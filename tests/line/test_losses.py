@@ -66,6 +66,15 @@ def test_vehicles_whose_control_begins_anew_bring_their_boxes_where_they_belong(
     goes_on(run, 100.0, 3)
 
 
+def test_a_zone_that_begins_anew_between_two_samples_is_set_up_again() -> None:
+    run = begun(60.0)
+    zone = busiest(run.devices)
+    run.devices.end(zone)
+    run.devices.begin(zone)
+    assert not run.control.absent
+    goes_on(run, 100.0, 3)
+
+
 def test_equal_seeds_give_equal_troubles() -> None:
     told = []
     for _ in range(2):
