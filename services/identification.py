@@ -120,6 +120,8 @@ class Identification:
     def _ask(self, request: IdentificationRequest) -> IdentificationState:
         """Answers on Zenoh's thread; the work is the main thread's."""
         self._progress.ensure_free()
+        if request.source == "usual":
+            request = msgspec.structs.replace(request, source="signal")
         if request.source == "signal":
             _settings(request)
         else:

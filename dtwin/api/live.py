@@ -320,7 +320,7 @@ class LiveCell(Closing):
         *,
         free: str = IdentificationRequest().free,
         box_mass: float | None = None,
-        source: DataSource = "signal",
+        source: DataSource = "usual",
         since: float = 0.0,
         anew: str = "",
         patience: float = 60.0,
@@ -332,7 +332,7 @@ class LiveCell(Closing):
             free: what to estimate; without a known load something must set the scale of the forces: by default K1.
             box_mass: mass that a box in the gripper is taken to have, kg; None for the middle of the cell's boxes.
             source: signal: the blocks excite the arm; motion: the arm goes on working, and its motions tell what has
-                changed.
+                changed; usual: the signal, and motion for another arm than the thesis's.
             since: plant time from which on motion counts, s.
             anew: which of the free parameters are not known any more; "" for all.
             patience: time in which there must be a model, s.

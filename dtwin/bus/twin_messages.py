@@ -19,7 +19,7 @@ Ticks = Annotated[float, msgspec.Meta(ge=0.0, le=2.0)]
 Kilograms = Annotated[float, msgspec.Meta(ge=0.0, le=HEAVIEST)]
 
 
-DataSource = Literal["signal", "motion"]
+DataSource = Literal["usual", "signal", "motion"]
 
 
 class IdentificationRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
@@ -30,7 +30,8 @@ class IdentificationRequest(msgspec.Struct, frozen=True, tag_field="schema", tag
             forces: by default motor 1 does, by its data sheet.
         box_mass: kg, taken for a box held meanwhile; the middle of the cell's boxes when None.
         source: where the data come from: a signal that the blocks play, or motion of the empty arm as it passes,
-            which takes the known model for all that is not free.
+            which takes the known model for all that is not free. The usual one is the signal, and motion for an arm
+            whose blocks play none.
         since: plant time from which on the motion counts, s.
         anew: the free parameters of which nothing is known any more, all when empty; what is known of the
             others counts as it is. For motion only.
@@ -38,7 +39,7 @@ class IdentificationRequest(msgspec.Struct, frozen=True, tag_field="schema", tag
 
     free: Line = "K2,K3,I,c,D"
     box_mass: Kilograms | None = None
-    source: DataSource = "signal"
+    source: DataSource = "usual"
     since: Seconds = 0.0
     anew: Line = ""
 

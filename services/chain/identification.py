@@ -172,11 +172,11 @@ class Identifying:
     def _ask(self, request: IdentificationRequest) -> IdentificationState:
         """Answers on Zenoh's thread; the work is the main thread's."""
         self._progress.ensure_free()
-        usual = IdentificationRequest(source="motion", since=request.since)
-        if request != usual:
+        source = "motion" if request.source == "usual" else request.source
+        if source != "motion" or request != IdentificationRequest(source=request.source, since=request.since):
             raise ParameterError(
-                "an arm of n joints is identified whole, from its own motion: expected --source motion, and no "
-                "--free, --box-mass or --anew"
+                "an arm of n joints is identified whole, from its own motion: expected no --source but motion, no "
+                "--free, --box-mass and no --anew"
             )
         self._deadline = 0.0
         state = self._progress.request("waits for the motion")

@@ -236,9 +236,9 @@ def test_another_arm_is_identified_while_it_works_and_its_blocks_get_the_model(d
     words = ["--arm", "planar-2r", "--machine", "7", "--pace", "lockstep", "--identification", "--simulation"]
     files = ["--store", str(tmp_path / "store"), "--history", str(tmp_path / "uploads.jsonl")]
     desk.detach(*words, *files)
-    refused = desk.run("identify", "live", status=2)
-    assert "expected --source motion" in refused
-    live = ["identify", "live", "--source", "motion", "--accept", "--name", "found"]
+    refused = desk.run("identify", "live", "--source", "signal", status=2)
+    assert "expected no --source but motion" in refused
+    live = ["identify", "live", "--accept", "--name", "found"]
     said = desk.run(*live, "--upload")
     assert "on trial in the blocks as version 2 of their settings" in said
     found = ArmModel.of(arm_of(str(tmp_path / "store" / "found.toml")))

@@ -29,10 +29,10 @@ class IdentifyLive:
     """What to estimate; without a known load something must set the scale of the forces: by default K1."""
     box_mass: float | None = None
     """Mass that a box in the gripper is taken to have, kg; the middle of the cell's boxes if not given."""
-    source: DataSource = "signal"
+    source: DataSource = "usual"
     """signal: the blocks excite the arm; motion: the arm goes on working, and its motions with an empty gripper tell
     what of the known model (dtwin up --model) has changed. Another arm than the thesis's is identified whole from its
-    motion, without --free and --anew."""
+    motion, without --free and --anew. usual: the signal, and motion for such an arm."""
     since: float = 0.0
     """Plant time from which on motion counts, s; the service remembers one minute."""
     anew: str = ""
