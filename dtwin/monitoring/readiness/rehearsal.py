@@ -126,10 +126,7 @@ class Rehearsal:
 
     def _fail(self) -> None:
         """Finds a weak motor, examines the finding, has it acknowledged, and finds the motor strong again."""
-        for _ in range(FAULTY // SHORT):
-            if self.monitor.history:
-                break
-            self._work(SHORT, _WEAK)
+        self._until_found(_WEAK)
         self._work(SHORT, _WEAK)
         self.monitor.acknowledge()
         self._work(SHORT)
@@ -137,5 +134,13 @@ class Rehearsal:
     def _misread(self) -> None:
         """Finds an encoder that stops for a while, and one that jumps."""
         for ill in (_STOPPED, _SHIFTED):
-            self._work(SHORT, ill)
+            self._until_found(ill)
             self._work(SHORT + round(WORKS / PERIOD))
+
+    def _until_found(self, ill: _Ill) -> None:
+        """Works with a fault until the monitor has found it, but not for ever."""
+        known = len(self.monitor.history)
+        for _ in range(FAULTY // SHORT):
+            if len(self.monitor.history) > known:
+                break
+            self._work(SHORT, ill)
