@@ -141,23 +141,24 @@ class Monitoring:
         while not service.stopping:
             item = service.next(0.2)
             before = done
-            if isinstance(item, list):
-                self._time = item[-1][0].time
-                if watch.running:
-                    self._take(told_together(item))
-                    done += len(item)
-            else:
-                watch.deal_with(item, self._time)
+            self._take(item)
+            if isinstance(item, list) and watch.running:
+                done += len(item)
             if service.report_due() or (done and not before):
                 service.report(watch.state(done), done, time=self._time)
 
     def _take(self, item: object) -> None:
-        """Takes what the monitor hears."""
+        """Takes what comes from the bus, or has come to an earlier process."""
+        watch = self._watch
         if isinstance(item, PassedTicks):
-            self._follow([(tick.sensors, tick.acted) for tick in item.ticks])
-            self._watch.keep(item)
+            item = [(tick.sensors, tick.acted) for tick in item.ticks]
+        if isinstance(item, list):
+            self._time = item[-1][0].time
+            if watch.running:
+                self._follow(item)
+                watch.keep(told_together(item))
         else:
-            self._watch.deal_with(item, self._time)
+            watch.deal_with(item, self._time)
 
     def _follow(self, ticks: Sequence[Tick]) -> None:
         monitor, seen, done = self._watch.monitor, samples(ticks), 0

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
+from contextlib import suppress
 from typing import TYPE_CHECKING, Final, Generic, NamedTuple, TypeVar
 
 from msgspec import Struct
@@ -133,7 +134,8 @@ class Watch(Generic[M]):
         if isinstance(item, _Asked):
             self._answer(item)
         elif isinstance(item, AcknowledgeRequest):
-            self._acknowledge(item)
+            with suppress(DtwinError):  # what it is about may lie in what was not kept
+                self._acknowledge(item)
         elif isinstance(item, WatchRequest) and item.run != self.running:
             self.running = item.run
             self.begin_anew()

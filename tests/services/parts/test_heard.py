@@ -163,6 +163,10 @@ def test_a_monitor_that_comes_back_knows_what_the_last_one_knew(tmp_path: Path, 
     third = service(Frame())
     third._watch.recall(third._take)
     assert verdict(third) == verdict(again), "what people have said is known, too"
+    Heard(tmp_path, HEARD if settings is None else chain.HEARD).note(AcknowledgeRequest("D1"))
+    third = service(Frame())
+    third._watch.recall(third._take)
+    assert verdict(third) == verdict(again), "what was not kept may have been acknowledged"
     third._take(WatchRequest("ann", False))
     fourth = service(Frame())
     fourth._watch.recall(fourth._take)
