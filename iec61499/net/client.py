@@ -37,6 +37,8 @@ class BlockingClient(Closing):
         self._sends = sends
         self._reader = MessageReader(receives)
         self._sock = connected_socket(address, timeout)
+        self._come = select.poll()  # select.select refuses descriptors from 1024 on
+        self._come.register(self._sock, select.POLLIN)
         self.lost = False
 
     def exchange(self, values: Sequence[Value]) -> Message:
@@ -103,7 +105,7 @@ class BlockingClient(Closing):
 
     def _expect_nothing(self) -> None:
         """Raises CommunicationError when something has come before anything was asked."""
-        if not self.lost and select.select((self._sock,), (), (), 0.0)[0] and self._sock.recv(CHUNK):
+        if not self.lost and self._come.poll(0) and self._sock.recv(CHUNK):
             raise CommunicationError("more than one answer to a request")
 
     def _send(self, data: bytes) -> None:
