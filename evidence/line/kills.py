@@ -22,16 +22,14 @@ from dtwin.campaign.spread import Progress
 from dtwin.commands.frame import at_least
 from dtwin.controller.ports import BLOCKS
 from dtwin.errors import CommunicationError, DtwinError
-from dtwin.line.control import Control
 from dtwin.line.file import DEFAULT_NAME, line_of
-from dtwin.line.line import CYCLE, Line
-from dtwin.line.plant import Plant, check_boxes
+from dtwin.line.line import Line
 from dtwin.line.served import Served
-from dtwin.line.station import TimedStation
 from dtwin.line.system import system
 from dtwin.line.twins.rehearsal import rehearsed
 from dtwin.services.service import held_port
 from evidence.experiment import ExperimentCommand
+from evidence.line.timed import TimedLine
 from evidence.report import Report, page, table
 from iec61499.deploy.system_file import system_text
 from iec61499.mapping import configured
@@ -179,26 +177,14 @@ def _connected(line: Line, whole: System) -> Served:
             time.sleep(0.2)
 
 
-class _Run:
-    def __init__(self, line: Line, blocks: Served) -> None:
-        self.plant = Plant(line, {each.name: TimedStation(rehearsed(each)) for each in line.stations})
-        self.control = Control(line, blocks, patient=True)
-        self.control.set_up(line.assignment)
-
-    def work(self, seconds: float) -> None:
-        for _ in range(round(seconds / CYCLE)):
-            self.plant.advance()
-            self.control.step(self.plant)
-            check_boxes(self.plant)
-
-    def back(self) -> float | None:
-        """Works until all blocks answer; how long that took, s."""
-        began, until = self.plant.time, time.monotonic() + _START
-        while self.control.absent:
-            self.work(1.0)
-            if self.plant.time - began > PATIENCE and time.monotonic() > until:
-                return None
-        return self.plant.time - began
+def _back(run: TimedLine) -> float | None:
+    """Works until all blocks answer; how long that took, s."""
+    began, until = run.plant.time, time.monotonic() + _START
+    while run.control.absent:
+        run.work(1.0)
+        if run.plant.time - began > PATIENCE and time.monotonic() > until:
+            return None
+    return run.plant.time - began
 
 
 def disturbed(line: Line, events: int, seed: int, progress: Progress = lambda done, of: None) -> list[KillOutcome]:
@@ -215,7 +201,7 @@ def disturbed(line: Line, events: int, seed: int, progress: Progress = lambda do
     """
     generator, outcomes = np.random.default_rng(seed), []
     with served(line) as (processes, blocks, names):
-        run = _Run(line, blocks)
+        run = TimedLine(line, blocks, {each.name: rehearsed(each) for each in line.stations})
         run.work(_FILLING)
         for number in range(events):
             name = str(generator.choice(names))
@@ -225,7 +211,7 @@ def disturbed(line: Line, events: int, seed: int, progress: Progress = lambda do
             processes.disturb(name, trouble)
             run.work(AWAY)
             processes.restore(name, trouble)
-            back = run.back()
+            back = _back(run)
             run.work(AFTERWARDS)
             after = len(plant.left), plant.lost, plant.collisions, plant.unfinished
             outcomes.append(KillOutcome(name, trouble, back, *np.subtract(after, before).tolist()))

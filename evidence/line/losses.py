@@ -19,13 +19,13 @@ from dtwin.campaign.spread import Progress, spread
 from dtwin.commands.frame import WorkforceOption, at_least
 from dtwin.controller.ports import BLOCKS
 from dtwin.errors import CommunicationError
-from dtwin.line.control import Control, servers
+from dtwin.line.control import servers
 from dtwin.line.file import DEFAULT_NAME, line_of
-from dtwin.line.line import CYCLE, Line
-from dtwin.line.plant import Plant, check_boxes
-from dtwin.line.station import TimedStation, WorkTimes
+from dtwin.line.line import Line
+from dtwin.line.station import WorkTimes
 from dtwin.line.system import RESOURCE, system
 from evidence.experiment import ExperimentCommand
+from evidence.line.timed import TimedLine
 from evidence.report import Report, page, table
 from iec61499.library import Library
 from iec61499.mapping import resource_network
@@ -261,20 +261,14 @@ class LossOutcome:
         return self.left >= _LEAST and not (self.unfinished or self.lost or self.collisions)
 
 
-class _Run:
+class _Run(TimedLine):
+    """One on troubled devices."""
+
     def __init__(self, line: Line, generator: np.random.Generator) -> None:
         places = sorted({operation.place for operation in line.operations})
         times = WorkTimes(0.5, dict.fromkeys(places, 2.8), dict.fromkeys(places, 2.3))
         self.devices = TroubledDevices(line, generator)
-        self.plant = Plant(line, {station.name: TimedStation(times) for station in line.stations})
-        self.control = Control(line, self.devices, patient=True)
-        self.control.set_up(line.assignment)
-
-    def work(self, seconds: float) -> None:
-        for _ in range(round(seconds / CYCLE)):
-            self.plant.advance()
-            self.control.step(self.plant)
-            check_boxes(self.plant)
+        super().__init__(line, self.devices, {station.name: times for station in line.stations})
 
 
 def troubled(trial: LossTrial) -> LossOutcome:
