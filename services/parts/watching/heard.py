@@ -24,8 +24,11 @@ from dtwin.files import append_whole, reason_of
 
 log = logging.getLogger(__name__)
 
-SIZE: Final = 8 << 20
-"""Size from which on a file is full, bytes: some minutes at 100 Hz."""
+SIZE: Final = 2 << 20
+"""Size from which on a file is full, bytes: a minute or two at 100 Hz. A monitor of six joints hears that again in one
+second, and a safe stop waits for a silent one for some seconds only."""
+FIRST: Final = 3
+"""Size of the first file, in which an arm is learned, in such sizes."""
 NEWEST: Final = 2
 """Number of files that are kept beside the first one."""
 _HEAD: Final = struct.Struct("<BI")
@@ -37,13 +40,13 @@ class Heard:
     Args:
         folder: Where the files are; the folder is there. Nothing is kept when None.
         kinds: Types of the messages.
-        size: Size from which on a file is full, bytes.
+        size: Size from which on a file is full, bytes; that of the first one is FIRST times as large.
     """
 
     def __init__(self, folder: Path | None, kinds: Sequence[type[msgspec.Struct]], size: int = SIZE) -> None:
         self._folder = folder
         self._kinds = tuple(kinds)
-        self._size = size
+        self._size = self._full = size
         self._decoders = [msgspec.msgpack.Decoder(kind) for kind in self._kinds]
         self._encode = msgspec.msgpack.Encoder().encode
         self._file: io.FileIO | None = None
@@ -67,7 +70,7 @@ class Heard:
             return
         data = self._encode(message)
         try:
-            if self._file is None or self._file.tell() >= self._size:
+            if self._file is None or self._file.tell() >= self._full:
                 self._file = self._open()
             append_whole(self._file.fileno(), _HEAD.pack(self._kinds.index(type(message)), len(data)) + data)
         except OSError as error:
@@ -94,11 +97,16 @@ class Heard:
         if self._file is not None:
             self._file.close()
         paths = self._paths()
-        if not paths or paths[-1].stat().st_size >= self._size:
+        if not paths or paths[-1].stat().st_size >= self._size_of(paths[-1]):
             for path in paths[1 : 1 - NEWEST]:
                 path.unlink()
             paths.append(self._folder / str(int(paths[-1].name) + 1 if paths else 0))
+        self._full = self._size_of(paths[-1])
         return io.FileIO(paths[-1], "a")
+
+    def _size_of(self, path: Path) -> int:
+        """The size from which on a file is full, bytes."""
+        return self._size if int(path.name) else FIRST * self._size
 
     def _parsed(self, content: bytes) -> Iterator[tuple[msgspec.Struct, int]]:
         """The messages up to the first that is not whole, and where each ends."""
