@@ -25,7 +25,7 @@ from dtwin.files import append_whole, reason_of
 log = logging.getLogger(__name__)
 
 SIZE: Final = 2 << 20
-"""Size from which on a file is full, bytes: a minute or two at 100 Hz. A monitor of six joints hears that again in one
+"""Size from which on a file is full, bytes: a minute or two at 100 Hz. A monitor of six joints hears it again in one
 second, and a safe stop waits for a silent one for some seconds only."""
 FIRST: Final = 3
 """Size of the first file, in which an arm is learned, in such sizes."""
