@@ -127,8 +127,9 @@ class MachineProblem:
         return total
 
     def linearise(self, x: Array, weights: Sequence[Array]) -> list[Linearised]:
-        """Every segment at some unknowns, with derivatives by forward differences; those of encoders that are eccentric,
-        which no motion depends on, exactly.
+        """Every segment at some unknowns, with derivatives by forward differences.
+
+        Those of eccentric encoders, on which no motion depends, are exact.
 
         Raises:
             DivergenceError: the twin diverges with these unknowns.
