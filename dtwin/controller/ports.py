@@ -44,6 +44,8 @@ GROUPS: Final = (TUNING, MODEL, LOAD, OFFSETS)
 """The inputs that are changed together."""
 REPEATS: Final = tuple(f"OBSERVER.REPEATS{joint}" for joint in _JOINTS)
 """Inputs with the repetitions of a reading that the noise of an encoder makes impossible; 0 for none."""
+PULL: Final = tuple(f"OBSERVER.PULL{joint}" for joint in _JOINTS)
+"""Inputs with the share of the torque of unknown drives that leaves the readings of a joint as they are."""
 PATH: Final = tuple(f"PLANNER.THETA_D{joint}" for joint in _JOINTS)
 """Outputs with the desired angles of the path, rad."""
 LAST_SAMPLE: Final = ("SEQUENCE.SYSTEM_TIME", *(f"DETECTOR.THETA{joint}" for joint in _JOINTS))

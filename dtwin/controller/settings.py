@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Final, get_args
 
-from dtwin.controller.ports import CONFIRM, OFFSETS, PAYLOAD, REPEATS, WIDENED
+from dtwin.controller.ports import CONFIRM, OFFSETS, PAYLOAD, PULL, REPEATS, WIDENED
 from dtwin.errors import ParameterError, choices
 from dtwin.parameters import (
     JOINTS,
@@ -89,6 +89,8 @@ class Compensation:
         dead_zone: voltage that is lost in every amplifier, V.
         bandwidth: double pole of the observer, rad/s.
         repeats: repetitions of a reading that the noise of each encoder makes impossible; 0 where it does not.
+        pull: what leaves the readings of each joint as they are, as a share of the torque that does so where drives
+            and encoders are unknown: 0.3 N m, and 7 rad/s^2 times the inertia. 1 where they are.
 
     Raises:
         ParameterError: a value is out of range.
@@ -98,6 +100,7 @@ class Compensation:
     dead_zone: float = 0.0
     bandwidth: float = 100.0
     repeats: Annotated[tuple[int, ...], ONE_A_JOINT] = (0,) * JOINTS
+    pull: CellJoints = every_joint(1.0)
 
     def __post_init__(self) -> None:
         for name, (low, high, unit) in COMPENSATION_RANGES.items():
@@ -106,6 +109,8 @@ class Compensation:
                 raise ParameterError(f"{name.replace('_', ' ')}: expected {low:g} to {high:g} {unit}, got {value:g}")
         if not all(0 <= count <= MOST_REPEATS for count in self.repeats):
             raise ParameterError(f"repeats: expected 0 to {MOST_REPEATS}, got {self.repeats}")
+        if not all(0.0 < share <= 1.0 for share in self.pull):
+            raise ParameterError(f"pull: expected shares above 0 and up to 1, got {self.pull}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,6 +179,7 @@ class ControlSettings:
         values[WIDENED] = RESTLESS if self.law == "cascade" else 1.0
         values["OBSERVER.GATE"] = BELIEVED if self.law == "cascade" else 0.0
         values.update(zip(REPEATS, self.compensation.repeats, strict=True))
+        values.update(zip(PULL, self.compensation.pull, strict=True))
         values["PLANNER.SMOOTH"] = self.law == "cascade"
         values["PLANNER.T"] = self.target_time
         values.update(zip(OFFSETS, self.encoder_offset, strict=True))
@@ -205,6 +211,7 @@ class ControlSettings:
                 values["CONTROLLER.DEAD_ZONE"],
                 values["OBSERVER.BANDWIDTH"],
                 (round(values[REPEATS[0]]), round(values[REPEATS[1]]), round(values[REPEATS[2]])),
+                (values[PULL[0]], values[PULL[1]], values[PULL[2]]),
             ),
             (values[OFFSETS[0]], values[OFFSETS[1]], values[OFFSETS[2]]),
         )

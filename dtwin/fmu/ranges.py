@@ -49,6 +49,7 @@ _OF_BLOCKS: Final[Mapping[str, Range]] = {
     "DETECTOR.CONFIRM": (0, 100),
     "OBSERVER.GATE": (0.0, math.pi),
     "OBSERVER.REPEATS": (0, MOST_REPEATS),
+    "OBSERVER.PULL": (1e-3, 1.0),
     "SEQUENCE.WIDENED": (1.0, 100.0),
     "PLANNER.T": TARGET_TIMES,
     "SEQUENCE.BOX_ANGLE": (0.0, math.pi),

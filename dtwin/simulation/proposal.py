@@ -16,7 +16,7 @@ from dtwin.controller.motion import MotionController
 from dtwin.controller.proposed import LeastMargins, ProposedSettings
 from dtwin.controller.settings import COMPENSATION_RANGES, MOST_REPEATS, Compensation, ControlSettings, usual_gains
 from dtwin.identification.machine.record import EncoderCheck, MachineRecord
-from dtwin.parameters import PERIOD, ArmParameters, Law
+from dtwin.parameters import PERIOD, ArmParameters, JointVector, Law
 from dtwin.simulation.checks import Checker
 from dtwin.simulation.margins.demands import MARGINS, Case, cases
 from dtwin.simulation.margins.design import NOISE, Candidate, best_of, design
@@ -26,6 +26,12 @@ from dtwin.twin.effects import Effects
 
 _IMPOSSIBLE: Final = 1e-12
 """Probability of what does not happen: once in 300 years of readings."""
+_MOST_HELD: Final = 0.3
+"""Torque up to which friction and a dead zone hold a joint of an arm that is not known, N m: that of the blocks."""
+_COARSEST: Final = math.tau / 2**10
+"""Resolution of the encoders of such an arm, rad: two steps pull as much as the blocks allow for, 7 rad/s^2."""
+_UNMODELLED: Final = 0.15
+"""Share of such an arm's torque that may pull besides."""
 _MOST_GAIN: Final = 60.0
 """Gain margin, dB, above which none is told."""
 
@@ -109,7 +115,9 @@ def with_rotors(arm: ArmParameters, effects: Effects) -> ArmParameters:
 
 def compensation(record: MachineRecord) -> Compensation:
     """What the controller should take into account of drives and encoders."""
-    delay, usual = record.numbers["delay"], Compensation(repeats=tuple(map(repeats, record.sensors.encoders)))
+    delay = record.numbers["delay"]
+    known = tuple(map(pull, held(record), (encoder.step for encoder in record.sensors.encoders)))
+    usual = Compensation(repeats=tuple(map(repeats, record.sensors.encoders)), pull=known)
     if not delay.told:
         return usual
     low, high, _ = COMPENSATION_RANGES["delay"]
@@ -133,6 +141,37 @@ def repeats(encoder: EncoderCheck) -> int:
         max(math.ceil(math.log(_IMPOSSIBLE) / math.log(within)), 2 * encoder.repeats) if within < 1.0 else math.inf
     )
     return int(count) if count <= MOST_REPEATS else 0
+
+
+def held(record: MachineRecord) -> JointVector:
+    """The torque up to which friction and the dead zone of its drive may hold each joint, N m.
+
+    It is what was identified and two standard deviations.
+    """
+
+    def most(name: str) -> float:
+        number = record.numbers[name]
+        return max(number.value + 2.0 * number.deviation, 0.0)
+
+    return tuple(
+        most(f"mu{joint}") + most(f"stiction{joint}") + record.numbers[f"K{joint}"].value * most(f"dead_zone{joint}")
+        for joint in (1, 2, 3)
+    )
+
+
+def pull(held: float, step: float | None) -> float:
+    """What leaves the readings of a joint as they are, as a share of the torque of drives and encoders that nobody
+    knows; see `Compensation`.
+
+    An integral pulls until friction and dead zone give way, from one way to the other, and the error of a step of the
+    encoder pulls besides. The larger of the two counts, as a share of what the blocks count with, and what no model
+    has.
+
+    Args:
+        held: torque up to which a joint may be held, N m.
+        step: resolution of its encoder, rad; None if the readings have no steps.
+    """
+    return min(_UNMODELLED + max(2.0 * held / _MOST_HELD, (step or 0.0) / _COARSEST), 1.0)
 
 
 def dead_zone(record: MachineRecord) -> float:

@@ -112,6 +112,21 @@ def machine_rollout(vector: Array, state0: ArrayLike, volts: Array, payload: Arr
     return states, readings
 
 
+def eccentricity_slopes(q: Array) -> dict[str, Array]:
+    """What the readings (N, 3), rad, change by with each amplitude of an eccentric encoder, rad, by its name.
+
+    Args:
+        q: (N, 3), angles, rad.
+    """
+    found = {}
+    for kind, wave in (("sin", np.sin(q)), ("cos", np.cos(q))):
+        for joint in range(3):
+            slope = np.zeros_like(q)
+            slope[:, joint] = wave[:, joint]
+            found[f"eccentric_{kind}{joint + 1}"] = slope
+    return found
+
+
 @kernel
 def constants(p: Array, payload: float, c: Array) -> None:
     """Writes J1..J3, A, B, E, the moments of weight along (3) and across (3) the links, and the rotors' inertias."""

@@ -22,7 +22,8 @@ from dtwin.identification.machine.record import EncoderCheck
 from dtwin.parameters import ArmParameters, JointVector
 from dtwin.run.loop import run, tick_count
 from dtwin.signals import STOPS, StepRecord, Voltages
-from dtwin.simulation.proposal import repeats, with_rotors
+from dtwin.simulation.proposal import pull, repeats, with_rotors
+from dtwin.twin.effects import Effects
 from evidence.experiment import SeriesCommand
 from evidence.recovery.expected import made_of
 from evidence.report import Report, page, table
@@ -94,7 +95,7 @@ def _ran(trial: Frozen, powered: bool) -> FrozenOutcome:
     fault = parse_fault(f"freeze{trial.joint}@{trial.moment:.2f}")
     plant = _Plant(machine=machine, seed=trial.seed, faults=(fault,))
     known = ControlSettings(
-        law="cascade", model=with_rotors(arm, effects), compensation=known_encoders(machine.sensing)
+        law="cascade", model=with_rotors(arm, effects), compensation=known_drives(machine.sensing, arm, effects)
     )
     controller = EmbeddedController(known)
     stop_now = controller.resource.reader((STOP,))
@@ -143,14 +144,16 @@ class _Plant(Emulation):
         super().apply(msgspec.structs.replace(voltages, volts=(on * first, on * second, on * third, jaws)))
 
 
-def known_encoders(sensing: Sensing) -> Compensation:
-    """What the controller of a commissioned machine takes into account of its encoders."""
-    if not sensing.bits:
-        return Compensation()
-    step = math.tau / 2**sensing.bits
+def known_drives(sensing: Sensing, arm: ArmParameters, effects: Effects) -> Compensation:
+    """What the controller of a commissioned machine takes into account of its encoders and drives."""
+    step = math.tau / 2**sensing.bits if sensing.bits else None
+    drives = zip(arm.coulomb, effects.stiction, arm.voltage_constant, effects.dead_zone, strict=True)
+    pulls = tuple(pull(mu + more + constant * zone, step) for mu, more, constant, zone in drives)
+    if step is None:
+        return Compensation(pull=pulls)
     spread = math.hypot(sensing.noise, step / math.sqrt(12.0))
     count = repeats(EncoderCheck(step, spread, spread, 0.0, 0.0, 0))
-    return Compensation(repeats=(count, count, count))
+    return Compensation(repeats=(count, count, count), pull=pulls)
 
 
 def frozen_encoders(

@@ -76,6 +76,8 @@ def to_message(settings: ControlSettings) -> SettingsInForce:
         settings.compensation.dead_zone,
         settings.compensation.bandwidth,
         settings.encoder_offset,
+        settings.compensation.repeats,
+        settings.compensation.pull,
     )
 
 
@@ -92,7 +94,7 @@ def from_message(message: SettingsInForce) -> ControlSettings:
         message.model,
         message.payload,
         message.payload_model,
-        Compensation(message.delay, message.dead_zone, message.bandwidth),
+        Compensation(message.delay, message.dead_zone, message.bandwidth, message.repeats, message.pull),
         message.encoder_offset,
     )
 

@@ -51,7 +51,7 @@ def test_blocks_may_have_what_no_settings_are(name: str, value: float) -> None:
 
 
 def test_compensation_reaches_its_inputs_and_has_its_limits() -> None:
-    told = Compensation(0.004, 0.2, 150.0, (20, 0, 50))
+    told = Compensation(0.004, 0.2, 150.0, (20, 0, 50), (0.4, 1.0, 0.25))
     settings = ControlSettings(law="cascade", compensation=told)
     inputs = settings.inputs()
     assert (inputs["OBSERVER.DELAY"], inputs["CONTROLLER.DEAD_ZONE"], inputs["OBSERVER.BANDWIDTH"]) == (
@@ -60,6 +60,7 @@ def test_compensation_reaches_its_inputs_and_has_its_limits() -> None:
         150,
     )
     assert [inputs[f"OBSERVER.REPEATS{joint}"] for joint in (1, 2, 3)] == [20, 0, 50]
+    assert [inputs[f"OBSERVER.PULL{joint}"] for joint in (1, 2, 3)] == [0.4, 1.0, 0.25]
     assert ControlSettings.from_inputs(inputs) == replace(settings, payload_model="point")
     for wrong in (
         {"delay": 0.011},
@@ -67,6 +68,8 @@ def test_compensation_reaches_its_inputs_and_has_its_limits() -> None:
         {"bandwidth": 400.0},
         {"bandwidth": math.nan},
         {"repeats": (0, 0, 301)},
+        {"pull": (1.0, 0.0, 1.0)},
+        {"pull": (1.0, 1.0, 1.1)},
     ):
         with pytest.raises(ParameterError, match="expected"):
             Compensation(**wrong)

@@ -35,6 +35,14 @@ def test_a_stopped_encoder_is_known_after_a_few_samples_of_motion(trial: Frozen)
     assert found.lost == 0
 
 
+@pytest.mark.parametrize("trial", [Frozen(91904, 91904, 1, 14.8), Frozen(91904, 91904, 2, 12.65)])
+def test_an_arm_at_rest_is_not_driven_by_an_encoder_that_has_stopped(trial: Frozen) -> None:
+    """Its noise is too small beside its steps to tell, and its integral drove the joint to 12 and 19 rad/s."""
+    found = freeze(trial)
+    assert found.fastest < FAST
+    assert found.lost == 0
+
+
 def test_the_page_counts_runs_by_encoder_and_box() -> None:
     held = FrozenOutcome(7, 1, 12.3, True, 0.12, None, 3.0, 7.0, 0.01, 0)
     fell = FrozenOutcome(7, 1, 13.0, True, 0.12, 1.5, 8.0, 9.0, 2.0, 1)

@@ -229,3 +229,43 @@ def test_a_coarse_encoder_that_happened_to_repeat_nothing_is_believed_at_rest() 
     for _ in range(20):
         observe(block, np.full(3, 2e-4), np.zeros(3))
     assert block["DOUBT"] == 0.0
+
+
+def pulled(block: Driven, effort: float, joint: int = 1) -> None:
+    """One sample at rest that repeats the reading while the feedback pulls at a joint."""
+    assert block.fire("REQ", **triple("THETA", np.zeros(3)), **{f"EFFORT{joint}": effort}) == ["CNF"]
+
+
+@pytest.mark.parametrize("joint", [1, 2, 3])
+def test_a_reading_that_stays_although_more_pulls_than_its_drive_holds_is_not_believed(joint: int) -> None:
+    """Of an arm that is not known the whole torque has to pull, of a known one its share."""
+    for share, doubted in ((0.4, True), (1.0, False)):
+        block = Driven("STATE_OBSERVER_3", GATE=0.08, **{f"PULL{joint}": share})
+        for k in range(40):
+            pulled(block, 0.01 * k, joint)
+        assert block[f"SIGHT{joint}"] == 0
+        for _ in range(20):
+            pulled(block, 0.6, joint)
+        assert (block[f"SIGHT{joint}"], block["DOUBT"]) == ((-1, 20.0) if doubted else (0, 0.0))
+
+
+def test_what_a_stopped_reading_has_asked_for_is_taken_back() -> None:
+    """The integral of an error that stays drove an arm whose encoder had stopped at rest, also after its stop."""
+    theta = np.array([0.4, -0.8, 0.6])
+    block = cascade()
+    for _ in range(10):
+        fire(block, theta - 0.001, np.zeros(3), rest(theta))
+    before = block.triple("SUM")
+    block.fire("REQ", SIGHT1=0, SIGHT2=0, SIGHT3=0)
+    for _ in range(100):
+        fire(block, theta - 0.001, np.zeros(3), rest(theta))
+    np.testing.assert_allclose(block.triple("SUM"), before + 1.01 * KI * 0.001, rtol=1e-9)
+    block.fire("REQ", SIGHT2=-1)
+    kept = block.triple("SUM")
+    assert kept[1] == pytest.approx(before[1], rel=1e-9)
+    assert kept[0] > 2.0 * before[0]
+    assert kept[2] > 2.0 * before[2]
+    block.fire("REQ", SIGHT2=1)
+    assert block["SUM2"] == pytest.approx(kept[1] + 0.01 * KI[1] * 0.001, rel=1e-9), (
+        "it goes on when it is seen again"
+    )

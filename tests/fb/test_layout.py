@@ -29,7 +29,7 @@ PURE_NUMBERS = {
         "DOUBT_LIMIT",
         "WIDENED",
     ),
-    *(f"{name}{joint}" for name in ("COUNT", "SIGN", "EFFORT", "BASE") for joint in (1, 2, 3)),
+    *(f"{name}{joint}" for name in ("COUNT", "SIGN", "EFFORT", "BASE", "PULL") for joint in (1, 2, 3)),
 }
 ROW, CHARACTER, MARGIN = 70.0, 16.0, 100.0
 """The sizes of a port and of a letter of its name in 4diac IDE's coordinates, and room around a block, generously."""

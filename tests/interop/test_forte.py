@@ -14,11 +14,11 @@ import pytest
 from dtwin.cli import main
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.remote import RemoteController
-from dtwin.controller.settings import USUAL_GAINS, ControlSettings
+from dtwin.controller.settings import USUAL_GAINS, Compensation, ControlSettings
 from dtwin.emulation.emulation import Emulation
 from dtwin.emulation.faults import parse_fault
 from dtwin.logs.log import Log
-from dtwin.parameters import ArmParameters
+from dtwin.parameters import ArmParameters, every_joint
 from dtwin.run.cell import Cell
 from dtwin.run.loop import run
 from dtwin.run.settings import CellSettings
@@ -96,14 +96,16 @@ def test_a_minute_under_the_cascade_is_the_same(served: DeployedApplication) -> 
 LIES = together(readings.burst(start=1.0, every=2.0), readings.freeze(start=4.3, every=1e6, length=1e6, joints=(2,)))
 
 
-def test_readings_that_are_not_believed_are_the_same(served: DeployedApplication) -> None:
+@pytest.mark.parametrize("pull", [1.0, 0.4], ids=["unknown", "known"])
+def test_readings_that_are_not_believed_are_the_same(served: DeployedApplication, pull: float) -> None:
     """Bursts that are waited for, then an encoder that stops in mid-motion and the stop that follows."""
-    control = ControlSettings(law="cascade")
+    control = ControlSettings(law="cascade", compensation=Compensation(pull=every_joint(pull)))
     served.deploy(settings=control)
     with controller(served, control) as remote:
         run(Around(Emulation(noise=0.001, seed=4), LIES, seed=4), remote, 700)
         assert remote.largest_difference <= SAME
     assert int(served.client.read("EMB_RES", "CELL.TWIN.MONITORING.DECISION.STOP")) == 2
+    assert int(served.client.read("EMB_RES", "CELL.OBSERVER.SIGHT2")) == -1
     assert float(served.client.read("EMB_RES", "CELL.OBSERVER.DOUBT")) > 12.0
 
 

@@ -29,7 +29,7 @@ from dtwin.bus.twin_messages import Upload, UploadRequest
 from dtwin.controller.device import Outcome
 from dtwin.controller.ports import LOAD, MODEL, OFFSETS, TUNING
 from dtwin.controller.sequence import AMONG_BODIES, CALLS, STRAIGHT, SequenceSettings
-from dtwin.controller.settings import ControlSettings, usual_gains
+from dtwin.controller.settings import Compensation, ControlSettings, usual_gains
 from dtwin.errors import CommunicationError, RecordingError
 from dtwin.parameters import JointVector
 from dtwin.services import bridge
@@ -256,6 +256,17 @@ def test_a_state_file_is_whole_or_refused(tmp_path: Path) -> None:
     path.write_bytes(path.read_bytes()[:40])
     with pytest.raises(RecordingError, match=f"{path}: expected settings in force"):
         StateFile(path)
+
+
+def test_a_state_file_keeps_what_is_known_of_drives_and_encoders(tmp_path: Path) -> None:
+    """Repetitions were lost, so that a bridge that came back took its own settings for those of another run."""
+    compensation = Compensation(0.004, 0.2, 150.0, (20, 0, 50), (0.4, 1.0, 0.25))
+    known = ControlSettings(law="cascade", compensation=compensation)
+    StateFile(tmp_path / "settings.json").keep(known)
+    kept = StateFile(tmp_path / "settings.json").settings
+    assert kept is not None
+    assert kept.compensation == known.compensation
+    assert not kept.differing(known)
 
 
 def test_settings_that_cannot_be_written_are_kept_in_memory_until_they_can(tmp_path: Path) -> None:

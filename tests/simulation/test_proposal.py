@@ -22,12 +22,13 @@ from dtwin.simulation.margins import design
 from dtwin.simulation.margins.demands import MARGINS
 from dtwin.simulation.margins.loop import linear_arm
 from dtwin.simulation.margins.poses import places
-from dtwin.simulation.proposal import compensation, controllable, dead_zone, lateness, propose, repeats
+from dtwin.simulation.proposal import compensation, controllable, dead_zone, held, lateness, propose, pull, repeats
 from dtwin.twin.dynamics import forward_dynamics, mass_matrix
 from dtwin.twin.effects import NO_EFFECTS, Effects
 from dtwin.twin.machine import machine_acceleration, vector_of
 from tests.support.records import recorded
 
+DEAD_ZONES = ("dead_zone1", "dead_zone2", "dead_zone3")
 GEARED = Effects(rotor_inertia=(0.001, 0.0008, 0.0012), lag=(0.004, 0.003, 0.005), delay=0.002)
 
 
@@ -98,7 +99,8 @@ def test_what_is_not_told_is_not_compensated() -> None:
     record = recorded(replace(GEARED, dead_zone=(0.2, 0.1, 0.3)))
     assert compensation(record).delay == pytest.approx(0.006)
     assert dead_zone(record) == pytest.approx(0.1 * 0.99)  # its standard deviation is a hundredth of it
-    assert compensation(told(record, False, "delay")) == Compensation()
+    untold = compensation(told(record, False, "delay"))
+    assert untold == Compensation(pull=untold.pull)
     assert dead_zone(told(record, False, "dead_zone1")) == 0.0
 
 
@@ -117,6 +119,25 @@ def test_noise_tells_how_often_a_reading_can_be_repeated(noise: float, longest: 
 def test_an_encoder_without_steps_or_from_an_old_record_may_repeat_readings() -> None:
     assert repeats(EncoderCheck(None, 1e-3, 1e-3, 0.0, 0.002, 0)) == 0
     assert repeats(EncoderCheck(1e-4, 1e-3, 1e-3, 0.0, 0.002)) == 0
+
+
+def test_what_holds_a_drive_and_the_steps_of_its_encoder_tell_what_may_pull_at_a_reading_that_stays() -> None:
+    step = math.tau / 2**12
+    assert pull(0.03, None) == pytest.approx(0.15 + 0.2)  # either way, of 0.3 N m
+    assert pull(0.03, step) == pytest.approx(0.15 + 0.25)  # of the steps of 10 bits
+    assert pull(0.2, step) == 1.0
+    record = recorded(replace(GEARED, dead_zone=(0.2, 0.1, 0.0)))
+    constants = ArmParameters().voltage_constant
+    most = [number.value + 2.0 * number.deviation for number in map(record.numbers.__getitem__, DEAD_ZONES)]
+    expected = [constant * volts for constant, volts in zip(constants, most, strict=True)]
+    friction = [
+        sum(
+            max(record.numbers[f"{name}{joint}"].value + 2.0 * record.numbers[f"{name}{joint}"].deviation, 0.0)
+            for name in ("mu", "stiction")
+        )
+        for joint in (1, 2, 3)
+    ]
+    assert held(record) == pytest.approx([a + b for a, b in zip(expected, friction, strict=True)])
 
 
 def test_the_arm_is_as_late_as_its_delay_and_lags_say() -> None:

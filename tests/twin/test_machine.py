@@ -16,6 +16,7 @@ from dtwin.twin.machine import (
     MACHINE_NAMES,
     SUBSTEP,
     WIDTH,
+    eccentricity_slopes,
     integrate_machine,
     machine_of_vector,
     machine_rollout,
@@ -172,3 +173,16 @@ def test_ripple_is_a_torque_that_goes_with_the_angle() -> None:
     ).tolist()
     steady = Effects(torque=(first, second, third))
     np.testing.assert_allclose(acceleration(vector_of(ARM, wavy)), acceleration(vector_of(ARM, steady)), rtol=1e-4)
+
+
+def test_an_eccentric_encoder_reads_on_without_another_motion() -> None:
+    effects = Effects(eccentric_sin=(0.001, 0.0, 0.002), eccentric_cos=(0.0, -0.003, 0.001))
+    vector = vector_of(ARM, effects)
+    states, base = machine_rollout(vector, START, VOLTS, EMPTY)
+    slopes = eccentricity_slopes(states[:, :3])
+    assert list(slopes) == [f"eccentric_{wave}{joint}" for wave in ("sin", "cos") for joint in (1, 2, 3)]
+    for name, slope in slopes.items():
+        changed = vector.copy()
+        changed[MACHINE_NAMES.index(name)] += 0.01
+        readings = machine_rollout(changed, START, VOLTS, EMPTY)[1]
+        np.testing.assert_allclose(readings, base + 0.01 * slope, rtol=0.0, atol=1e-14)

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import msgspec
 
-from dtwin.parameters import ONE_A_JOINT, ArmParameters, CellJoints, Gains, Law, PayloadModel, every_joint
+from dtwin.parameters import JOINTS, ONE_A_JOINT, ArmParameters, CellJoints, Gains, Law, PayloadModel, every_joint
 from dtwin.signals import SCHEMA, Count
 
 
@@ -45,6 +45,8 @@ class SettingsInForce(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEM
         dead_zone: voltage lost in every amplifier that the cascade counts on, V.
         bandwidth: double pole of the cascade's observer, rad/s.
         encoder_offset: known offsets of the encoders, which are taken off what they read, rad.
+        repeats: repetitions of a reading that the noise of each encoder makes impossible; 0 where it does not.
+        pull: share of the torque of unknown drives and encoders that leaves the readings of each joint as they are.
     """
 
     gains: Gains
@@ -57,6 +59,8 @@ class SettingsInForce(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEM
     dead_zone: float = 0.0
     bandwidth: float = 100.0
     encoder_offset: CellJoints = every_joint(0.0)
+    repeats: Annotated[tuple[int, ...], ONE_A_JOINT] = (0,) * JOINTS
+    pull: CellJoints = every_joint(1.0)
 
 
 class SignalRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):

@@ -22,7 +22,7 @@ from dtwin.identification.data import Array, Experiment
 from dtwin.identification.estimation.problem import Prior, initial_speed
 from dtwin.identification.estimation.solver import NormalEquations
 from dtwin.twin.effects import SIGNED
-from dtwin.twin.machine import MACHINE_NAMES, SHAPES, machine_rollout
+from dtwin.twin.machine import MACHINE_NAMES, SHAPES, eccentricity_slopes, machine_rollout
 
 _LEAST: Final = {"K": 1e-3, "m": 1e-3, "I": 1e-6, "l": 1e-2, "stribeck_velocity": 0.02, "lag": 5e-4}
 """Lower bounds of what is above 0; a shorter lag than a fifth of the integration step shows nowhere."""
@@ -129,15 +129,21 @@ class MachineProblem:
     def linearise(self, x: Array, weights: Sequence[Array]) -> list[Linearised]:
         """Every segment at some unknowns, with derivatives by forward differences.
 
+        Those of eccentric encoders, on which no motion depends, are exact.
+
         Raises:
             DivergenceError: the twin diverges with these unknowns.
         """
         vector, states = self.vector(x), x[len(self.free) :].reshape(-1, 6)
         found = []
         for state, e, weight in zip(states, self.segments, weights, strict=True):
-            base = _readings(vector, state, e)
+            states, base = _rollout(vector, state, e)
+            eccentric = eccentricity_slopes(states[:, :3])
             shared, local = np.empty((base.size, len(self.free))), np.empty((base.size, 6))
             for column, (name, place) in enumerate(zip(self.free, self._places, strict=True)):
+                if name in eccentric:
+                    shared[:, column] = (self.scale[column] * eccentric[name] * weight).ravel()
+                    continue
                 moved, step = vector.copy(), _DELAY_STEP if name == "delay" else _STEP
                 moved[place] += step * self.scale[column]
                 shared[:, column] = ((_readings(moved, state, e) - base) * weight).ravel() / step
@@ -181,5 +187,9 @@ class MachineProblem:
         return x[: len(self.free)] - expected
 
 
+def _rollout(vector: Array, state: Array, segment: Experiment) -> tuple[Array, Array]:
+    return machine_rollout(vector, state, segment.volts[:-1], segment.payload[:-1])
+
+
 def _readings(vector: Array, state: Array, segment: Experiment) -> Array:
-    return machine_rollout(vector, state, segment.volts[:-1], segment.payload[:-1])[1]
+    return _rollout(vector, state, segment)[1]
