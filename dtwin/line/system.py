@@ -50,6 +50,12 @@ RESOURCE: Final = "EMB_RES"
 _PLANT: Final = "_PLANT"
 _FIRST_PORT: Final = 61600
 """Port of the first SERVER block; each further one has the next."""
+_TRACKED: Final = (
+    *("TAG", "OCC", "CLOSED"),
+    *("PHASE", "AT", "LOAD", "NEXT", "ACTIVE", "IDLE"),
+    *("KNOWN", "ROOM_LEFT"),
+)
+"""What BOX_TRACKING tells ORDER_DISPATCH: of slots, of vehicles, of the zone."""
 _WIDTH, _HEIGHT = 2600.0, 2200.0
 """Room that a block is given in the drawing."""
 
@@ -177,6 +183,8 @@ def _draw_zone(drawing: _Drawing, line: Line, zone: ZonePlan) -> None:
     setup = drawing.server(device, setup_of(zone.name), 1, MOST_OPERATIONS, "Which station does which operation")
     nodes = {f"NODE{k}": literal_of(track.number(s.node)) for k, s in enumerate(zone.stations, 1)}
     nodes |= {f"NODE{k}": "0" for k in range(len(zone.stations) + 1, MOST_STATIONS + 1)}
+    vehicles = literal_of(len(zone.vehicles))
+    tracking = drawing.block(device, f"{name}_TRACKING", "BOX_TRACKING", "Which box is where", VEHICLES=vehicles)
     dispatch = drawing.block(
         device,
         f"{name}_DISPATCH",
@@ -185,7 +193,7 @@ def _draw_zone(drawing: _Drawing, line: Line, zone: ZonePlan) -> None:
         ENTRY_NODE=literal_of(track.number(line.entry(number))),
         EXIT_NODE=literal_of(track.number(line.exit(number))),
         **nodes,
-        VEHICLES=literal_of(len(zone.vehicles)),
+        VEHICLES=vehicles,
         OPERATIONS=literal_of(len(line.operations)),
     )
     router = drawing.block(
@@ -196,24 +204,29 @@ def _draw_zone(drawing: _Drawing, line: Line, zone: ZonePlan) -> None:
         **{key: literal_of(value) for key, value in router_inputs(line, number).items()},
     )
     drawing.event(f"{plant}.INITO", f"{setup}.INIT")
-    drawing.event(f"{setup}.INITO", f"{dispatch}.INIT")
+    drawing.event(f"{setup}.INITO", f"{tracking}.INIT")
+    drawing.event(f"{tracking}.INITO", f"{dispatch}.INIT")
     drawing.event(f"{dispatch}.INITO", f"{router}.INIT")
-    drawing.event(f"{plant}.IND", f"{dispatch}.REQ")
+    drawing.event(f"{plant}.IND", f"{tracking}.REQ")
+    drawing.event(f"{tracking}.CNF", f"{dispatch}.REQ")
     drawing.event(f"{dispatch}.CNF", f"{plant}.RSP")
-    drawing.event(f"{setup}.IND", f"{dispatch}.SETUP")
+    drawing.event(f"{setup}.IND", f"{tracking}.SETUP")
+    drawing.event(f"{tracking}.SETUPO", f"{dispatch}.SETUP")
     drawing.event(f"{dispatch}.SETUPO", f"{setup}.RSP")
-    drawing.wires(plant, dispatch, {"RD_1": "ENTRY", "RD_2": "ROOM"})
+    drawing.wires(plant, tracking, {"RD_1": "ENTRY", "RD_2": "ROOM"})
+    drawing.wires(tracking, dispatch, {name: name for name in _TRACKED})
+    drawing.wires(dispatch, tracking, {name: name for name in ("JOB", "TAKE", "BRING")})
     drawing.wires(dispatch, plant, {"ORDERS": "SD_1"})
     drawing.wires(setup, dispatch, {f"RD_{k}": f"S{k}" for k in range(1, MOST_OPERATIONS + 1)})
     drawing.wires(dispatch, setup, {"SETUPS": "SD_1"})
     for k, vehicle in enumerate(zone.vehicles, 1):
-        _draw_vehicle(drawing, zone, k, vehicle, dispatch, router)
+        _draw_vehicle(drawing, zone, k, vehicle, tracking, dispatch, router)
     for k, station in enumerate(zone.stations, 1):
-        _draw_station(drawing, line, k, station, dispatch)
+        _draw_station(drawing, line, k, station, tracking, dispatch)
 
 
 def _draw_vehicle(
-    drawing: _Drawing, zone: ZonePlan, k: int, vehicle: VehiclePlan, dispatch: str, router: str
+    drawing: _Drawing, zone: ZonePlan, k: int, vehicle: VehiclePlan, tracking: str, dispatch: str, router: str
 ) -> None:
     device = f"VEHICLES_{block_name(zone.name)}"
     plant = drawing.server(device, plant_of(vehicle.name), 3, 4, f"Vehicle {vehicle.name}: where it is; what it does")
@@ -227,21 +240,21 @@ def _draw_vehicle(
     )
     drawing.event(f"{plant}.INITO", f"{execution}.INIT")
     drawing.event(f"{plant}.IND", f"{execution}.REQ")
-    drawing.event(f"{execution}.CNF", f"{dispatch}.VEHICLE{k}", f"{router}.REQ{k}")
+    drawing.event(f"{execution}.CNF", f"{tracking}.VEHICLE{k}", f"{router}.REQ{k}")
     drawing.event(f"{router}.CNF{k}", f"{plant}.RSP")
     drawing.event(f"{dispatch}.ORDER{k}", f"{execution}.ORDER")
     drawing.wires(plant, execution, {"RD_1": "AT", "RD_2": "STANDING", "RD_3": "LOAD", "RD_4": "BATTERY"})
     drawing.wires(plant, router, {"RD_1": f"AT{k}", "RD_2": f"STANDING{k}"})
-    drawing.wires(plant, dispatch, {"RD_1": f"AT{k}", "RD_3": f"LOAD{k}"})
+    drawing.wires(plant, tracking, {"RD_1": f"AT{k}", "RD_3": f"LOAD{k}"})
     drawing.wires(execution, router, {"GOAL": f"GOAL{k}"})
-    drawing.wires(execution, dispatch, {"PHASE": f"PHASE{k}", "DONE": f"DONE{k}"})
+    drawing.wires(execution, tracking, {"PHASE": f"PHASE{k}", "DONE": f"DONE{k}"})
     drawing.wires(execution, plant, {"ACTION": "SD_2", "SLOT": "SD_3"})
     drawing.wires(router, plant, {f"NEXT{k}": "SD_1"})
     names = ("JOB", "TAKE_NODE", "TAKE_SLOT", "BRING_NODE", "BRING_SLOT")
     drawing.wires(dispatch, execution, {f"{name}{k}": name for name in names})
 
 
-def _draw_station(drawing: _Drawing, line: Line, k: int, station: StationPlan, dispatch: str) -> None:
+def _draw_station(drawing: _Drawing, line: Line, k: int, station: StationPlan, tracking: str, dispatch: str) -> None:
     device, colours = device_of(station.name), places_of(station)
     plant = drawing.server(
         device, plant_of(station.name), 1, 5, f"Station {station.name}: tags, arm and stop in; what is offered out"
@@ -260,11 +273,11 @@ def _draw_station(drawing: _Drawing, line: Line, k: int, station: StationPlan, d
     )
     drawing.event(f"{plant}.INITO", f"{setup}.INIT")
     drawing.event(f"{plant}.IND", f"{setup}.REQ")
-    drawing.event(f"{setup}.CNF", f"{dispatch}.STATION{k}", f"{plant}.RSP")
+    drawing.event(f"{setup}.CNF", f"{tracking}.STATION{k}", f"{plant}.RSP")
     drawing.event(f"{dispatch}.ENABLE", f"{setup}.SETUP")
     drawing.wires(plant, setup, {"RD_1": "BOX_IN", "RD_3": "BOX_OUT", "RD_4": "ARM", "RD_5": "STOP"})
-    drawing.wires(plant, dispatch, {"RD_1": f"IN{k}", "RD_2": f"WORK{k}", "RD_3": f"OUT{k}"})
-    drawing.wires(setup, dispatch, {"STATE": f"STATE{k}"})
+    drawing.wires(plant, tracking, {"RD_1": f"IN{k}", "RD_2": f"WORK{k}", "RD_3": f"OUT{k}"})
+    drawing.wires(setup, tracking, {"STATE": f"STATE{k}"})
     drawing.wires(setup, plant, {"OFFER": "SD_1"})
     drawing.wires(dispatch, setup, {f"MASK{k}": "MASK"})
 
