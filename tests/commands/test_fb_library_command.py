@@ -123,6 +123,7 @@ def test_lua_files_hold_the_types(tmp_path: Path, capsys: pytest.CaptureFixture[
         "JOINT_OBSERVER",
         "JOINT_PATH",
         "JOINT_READING",
+        "NEWEST_MESSAGE",
         "ORDER_DISPATCH",
         "ORDER_EXECUTION",
         "PATH_PLANNER",
