@@ -8,7 +8,8 @@ import pytest
 from dtwin.line.file import line_of
 from dtwin.line.system import system
 from evidence.line.kills import at_ports
-from evidence.line.losses import LossOutcome, LossTrial, TroubledDevices, _Run, _trouble, troubled
+from evidence.line.losses import LossOutcome, LossTrial, _Run, _trouble, troubled
+from evidence.line.troubled import TroubledDevices
 from iec61499.mapping import management_address
 
 LINE = line_of("default")
