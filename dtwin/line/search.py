@@ -66,11 +66,11 @@ class Router:
                 Connection(f"N{k}.CNF", f"{_ROUTER}.REQ{k}"),
                 Connection(f"{_ROUTER}.CNF{k}", f"V{k}.RSP"),
             ]
-            inside = {"OUT1": f"AT{k}", "OUT2": f"BASE_END{k}", "OUT3": f"GOAL{k}", "NEWEST": f"NUMBER{k}"}
+            inside = {"OUT1": f"AT{k}", "OUT2": f"BASE_END{k}", "OUT3": f"GOAL{k}"}
             into = ("NUMBER", "IN1", "IN2", "IN3")
             data += [Connection(f"V{k}.RD_{n}", f"N{k}.{name}") for n, name in enumerate(into, 1)]
             data += [Connection(f"N{k}.{out}", f"{_ROUTER}.{name}") for out, name in inside.items()]
-            data += [Connection(f"{_ROUTER}.{out}{k}", f"V{k}.SD_{n}") for n, out in ((1, "NEXT"), (2, "ANSWER"))]
+            data += [Connection(f"{_ROUTER}.NEXT{k}", f"V{k}.SD_1"), Connection(f"N{k}.NEWEST", f"V{k}.SD_2")]
         self.resource: Blocks = running(FBNetwork(tuple(drawn), (), tuple(events), tuple(data)), Library([blocks]))
         self._servers = [self.resource.server(f"V{k}") for k in range(1, _VEHICLES + 1)]
         for name, value in inputs.items():

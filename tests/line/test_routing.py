@@ -41,7 +41,7 @@ def test_both_zones_of_the_usual_line_have_the_same_track() -> None:
         ("HELD[BASE + 1] <> AT DO", "HELD[BASE + COUNT[V]] <> AT DO", "not held for it"),
         ("GRANT := HELD[BASE + K];", "GRANT := 0;", "nobody can go on"),
         (
-            'Destination="PASSED" Condition="REQ[NUMBER - NEWEST &gt; 0]"',
+            'Destination="PASSED" Condition="REQ[NUMBER - LAST &gt; 0]"',
             'Destination="PASSED" Condition="REQ"',
             "is believed",
         ),
