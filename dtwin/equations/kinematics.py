@@ -69,24 +69,27 @@ def joints_for(arm: Arm, goal: Goal, near: Array, seed: int = 0) -> list[Array]:
         seed: number of the generator of starting points.
 
     Raises:
-        UnreachableError: none were found; says how near the tool comes.
+        UnreachableError: none were found; says how near the tool comes, or that it points nowhere.
     """
+    if goal.direction is not None and not np.any(arm.tool):
+        raise UnreachableError(
+            f"arm {arm.name}: its tool is in its last joint and points nowhere: expected tool = [x, y, z] in the "
+            f"file of the arm, a point off that joint, for it to point along {_said(goal.direction)}"
+        )
     lower, upper = ranges(arm)
     generator = np.random.default_rng(seed)
     starts = [near, *generator.uniform(lower, upper, (_TRIES, len(arm)))]
-    found, nearest = [], np.inf
+    found, nearest, best = [], np.inf, near
     for start in starts:
         q, left = _searched(arm, goal, start)
-        nearest = min(nearest, left)
+        if left < nearest:
+            nearest, best = left, q
         if left < _NEAR:
             found.append(q)
         if len(found) == _ENOUGH:
             break
     if not found:
-        pointing = "" if goal.direction is None else f" pointing along {_said(goal.direction)}"
-        raise UnreachableError(
-            f"arm {arm.name}: the tool does not reach {_said(goal.point)}{pointing}: {nearest:.3g} m are left"
-        )
+        raise UnreachableError(f"arm {arm.name}: the tool does not reach {_missed(arm, goal, best)}")
     return sorted(found, key=lambda q: float(np.abs(q - near).max()))
 
 
@@ -139,6 +142,16 @@ def _errors(arm: Arm, goal: Goal, q: Numbers) -> Numbers:
     point, along = tool_of(arm, q)
     away = point - goal.point
     return away if goal.direction is None else np.concatenate([away, _TURN * (along - goal.direction)], axis=1)
+
+
+def _missed(arm: Arm, goal: Goal, q: Array) -> str:
+    """A goal, and by how much joint positions miss it."""
+    point, along = (rows[0] for rows in tool_of(arm, q[None]))
+    far = f"{np.linalg.norm(point - goal.point):.3g} m"
+    if goal.direction is None:
+        return f"{_said(goal.point)}: {far} are left"
+    angle = np.degrees(np.arccos(np.clip(along @ goal.direction, -1.0, 1.0)))
+    return f"{_said(goal.point)} pointing along {_said(goal.direction)}: {far} and {angle:.3g} deg are left"
 
 
 def _said(vector: Array) -> str:

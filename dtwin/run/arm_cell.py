@@ -21,7 +21,7 @@ from dtwin.arm.poses import Poses, drawn_poses, read_poses
 from dtwin.arm.sorting import read_sorting
 from dtwin.emulation.chain.arms import arm_of
 from dtwin.emulation.chain.faults import parse_chain_fault
-from dtwin.emulation.chain.machine import IDEAL, machine_of
+from dtwin.emulation.chain.machine import IDEAL, machine_of, told
 from dtwin.emulation.generators import check_seed
 from dtwin.errors import ModelError, ParameterError, choices
 from dtwin.run.cell_file import content_of
@@ -76,7 +76,7 @@ class ArmCell:
             raise ParameterError(f"duration: expected above 0 and at most {LONGEST:g} s, got {duration:g}")
         if sum(each is not None for each in (self.sort, self.poses, self.path)) > 1:
             raise ParameterError("sort, poses and path: expected one of them")
-        arm = arm_of(self.arm)
+        arm = told(self.machine, arm_of(self.arm))
         sorting = None if self.sort is None else read_sorting(self.sort)
         if sorting is not None:
             poses = sorting_poses(arm, sorting)

@@ -57,9 +57,20 @@ def test_joints_bring_the_tool_to_a_goal_within_their_ranges() -> None:
     assert np.abs(lower - found[0]).max() < 1.0  # the same configuration
 
 
+def test_a_tool_in_the_last_joint_points_nowhere() -> None:
+    arm = replace(arm_of("planar-2r"), tool=np.zeros(3))
+    with pytest.raises(UnreachableError, match=r"points nowhere: expected tool = \[x, y, z\] in the file of the arm"):
+        joints_for(arm, Goal(np.array([0.3, 0.0, 0.0]), np.array([1.0, 0.0, 0.0])), np.zeros(2))
+    assert joints_for(arm, Goal(np.array([0.3, 0.0, 0.0])), np.zeros(2))
+
+
 def test_a_goal_out_of_reach_says_how_much_is_missing() -> None:
     arm = arm_of("planar-2r")
     with pytest.raises(UnreachableError, match=r"does not reach \(0.8, 0, 0\): 0.25 m are left"):
         joints_for(arm, Goal(np.array([0.8, 0.0, 0.0])), np.zeros(2))
+    with pytest.raises(
+        UnreachableError, match=r"does not reach \(0.5, 0, 0\) pointing along \(0, 1, 0\): .* m and .* deg are left"
+    ):
+        joints_for(arm, Goal(np.array([0.5, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])), np.zeros(2))
     with pytest.raises(UnreachableError, match="straight line"):
         joints_along(arm, Goal(np.array([0.7, 0.0, 0.0])), np.array([0.3, 0.4]))

@@ -40,6 +40,13 @@ def test_a_cell_file_says_what_options_say(cell: Path, capsys: pytest.CaptureFix
     assert other["tracking_error_max"] != options["tracking_error_max"]
 
 
+@pytest.mark.parametrize("arm", ["six-axis", "planar-2r"])
+def test_the_blocks_of_an_ideal_machine_know_that_it_has_no_dry_friction(arm: str) -> None:
+    errors = {m: dtwin.run_arm(arm, 10.0, machine=m).score()["tracking_error_max"] for m in ("ideal", "nominal")}
+    assert max(errors["ideal"]) < 5e-4  # rad, within which a tick and the observer leave it
+    assert max(errors["ideal"]) < max(errors["nominal"])
+
+
 @pytest.mark.parametrize("words", [["cell", "check"], ["simulate"]])
 def test_what_knows_the_arm_of_the_thesis_alone_says_so(
     words: list[str], cell: Path, capsys: pytest.CaptureFixture[str]

@@ -67,6 +67,17 @@ def machine_of(text: str, arm: Arm) -> Machine:
     )
 
 
+def told(machine: str, arm: Arm) -> Arm:
+    """The arm as the data sheet of a machine tells it: that of the ideal one has no dry friction.
+
+    A controller that made friction good which is not there would lead the ideal machine off its path.
+    """
+    if machine != IDEAL:
+        return arm
+    joints = (replace(joint, friction=Friction(joint.friction.viscous)) for joint in arm.joints)
+    return replace(arm, joints=tuple(joints))
+
+
 def rigid(arm: Arm) -> Arm:
     """The arm with gears that do not yield."""
     return replace(arm, joints=tuple(replace(joint, transmission=None) for joint in arm.joints))

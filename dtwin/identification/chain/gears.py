@@ -167,7 +167,7 @@ def said_of(told: Gears) -> list[str]:
             "no joint that moves by a torque that is known" if told.measured else "no encoder at the motors ([motor])"
         )
         return [f"what gears yield and their play: not told, as the logs have {why}"]
-    whose = "gear" if told.measured else "servo and gear"
+    whose = "gear" if told.measured else "servo and gear together, as what joints are off their commands"
     rows = [row for gear in told.each for row in (gear.compliance, gear.play)]
     sure = [f"{row.name} {row.value:.2e} +- {row.half:.1e}" for row in rows if row.told]
     found = []
