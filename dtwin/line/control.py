@@ -15,7 +15,7 @@ from typing import Any, Final, Protocol
 from dtwin.controller.ports import BLOCKS
 from dtwin.controller.runtime import running
 from dtwin.errors import CommunicationError
-from dtwin.line.line import MOST_OPERATIONS, Assignment, Line, ZonePlan
+from dtwin.line.line import CYCLE, MOST_OPERATIONS, Assignment, Line, ZonePlan
 from dtwin.line.plant import Plant
 from dtwin.line.situation import Situation
 from dtwin.line.system import RESOURCE, on_one_resource, plant_of, setup_of, system
@@ -27,6 +27,10 @@ from iec61499.native.resource import NativeResource
 from iec61499.runtime.communication import Channel, CommunicationPort, LocalTransport, Values
 from iec61499.runtime.resource import Resource
 
+_HALF: Final = 2**31
+"""Half the range of the numbers of samples, which are DINT."""
+_SET_UPS: Final = 100
+"""Numbers by which a zone is ahead of the plant at most, one for each set-up between two samples."""
 _MESSAGES: Final = 1000
 """Most messages that may follow from one sample."""
 
@@ -215,6 +219,7 @@ class Control:
         self._orders: dict[str, int] = {}
         self._done_by: dict[str, dict[str, str]] = {zone.name: {} for zone in line.zones}
         self._behind: dict[str, dict[str, str]] = {}
+        self._first = self._number = 0
         self.stopped: set[str] = set()
 
     def set_up(self, assignment: Assignment) -> bool:
@@ -250,6 +255,7 @@ class Control:
     def resume(self, now: Situation) -> None:
         """Goes on with blocks of the same kind from there."""
         self.blocks.resume(now.blocks)
+        self._number = round(now.plant.time / CYCLE)
         self._counts = dict(now.set_ups)
         self._orders.clear()
         self._done_by = {name: dict(jobs) for name, jobs in now.done_by.items()}
@@ -268,6 +274,7 @@ class Control:
         answer = self._ask(setup_of(zone.name), numbers)
         if answer is None:
             return False
+        self._keep_ahead(answer[1])
         taken = answer[0] != self._counts.get(zone.name)
         self._counts[zone.name] = answer[0]
         if taken:
@@ -296,6 +303,12 @@ class Control:
         """Whether a station does something that a zone before its own has taken over."""
         return any(station in jobs.values() for jobs in self._behind.values())
 
+    def _keep_ahead(self, answered: int) -> None:
+        """Goes on behind the numbers of a zone, whose blocks may know a plant that was there before this one."""
+        ahead = _wrapped(answered - self._number)
+        if ahead > _SET_UPS:
+            self._first += ahead
+
     def _ask(self, block: str, values: Sequence[Any]) -> tuple[Any, ...] | None:
         """The answer of a block; None of one that does not answer."""
         try:
@@ -319,22 +332,32 @@ class Control:
         if self._renewed:
             self._counts.clear()  # a zone that has begun anew counts its set-ups from the first
             self._renewed = not self.set_up(self._assignment)
-        for number in plant.active:
-            zone = self._line.zones[number]
+        # by it all that follows from these samples is known as newer than before (fb/line/NEWEST_MESSAGE.fbt)
+        number = self._number = _wrapped(self._first + round(plant.time / CYCLE))
+        for place in plant.active:
+            zone = self._line.zones[place]
             for station in zone.stations:
                 tags, report = plant.station_tags(station.name), plant.stations[station.name].report
                 if report.stop and station.name not in self.stopped and self._goes_on_behind(station.name):
                     self._renewed = True  # boxes that a zone before would do now are to be done by another one
                 (self.stopped.add if report.stop else self.stopped.discard)(station.name)
-                if answer := self._ask(plant_of(station.name), (*tags, report.arm, report.stop)):
+                if answer := self._ask(plant_of(station.name), (*tags, report.arm, report.stop, number)):
                     plant.offer(station.name, *answer)
             for planned in zone.vehicles:
                 vehicle = plant.vehicles[planned.name]
                 sample = vehicle.sample()
-                values = (sample.at, sample.standing, plant.tag(vehicle.box), sample.battery)
-                if answer := self._ask(plant_of(planned.name), values):
-                    vehicle.obey(VehicleCommand(*answer))
-            if answer := self._ask(plant_of(zone.name), (plant.entry_tag(number), plant.room(number))):
+                place_and_load = sample.at, sample.standing, plant.tag(vehicle.box), sample.battery
+                if answer := self._ask(plant_of(planned.name), (*place_and_load, sample.base_end, number)):
+                    node, action, slot, answered = answer
+                    # what was given for an earlier sample may be somebody else's by now
+                    vehicle.obey(VehicleCommand(node if answered == number else 0, action, slot))
+            if answer := self._ask(plant_of(zone.name), (plant.entry_tag(place), plant.room(place), number)):
+                self._keep_ahead(answer[1])
                 if answer[0] < self._orders.get(zone.name, 0):  # it has begun anew between two samples
                     self._renewed = True
                 self._orders[zone.name] = answer[0]
+
+
+def _wrapped(number: int) -> int:
+    """A number as DINT."""
+    return (number + _HALF) % (2 * _HALF) - _HALF

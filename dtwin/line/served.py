@@ -88,8 +88,8 @@ def _signatures(line: Line) -> dict[str, tuple[list[DataType], list[DataType]]]:
     """What each SERVER block of a line receives and sends."""
     found: dict[str, tuple[list[DataType], list[DataType]]] = {}
     for zone in line.zones:
-        found[plant_of(zone.name)] = [DINT, DINT], [DINT]
-        found[setup_of(zone.name)] = [DINT] * MOST_OPERATIONS, [DINT]
-        found |= {plant_of(vehicle.name): ([DINT, BOOL, DINT, DINT], [DINT] * 3) for vehicle in zone.vehicles}
-        found |= {plant_of(station.name): ([DINT] * 5, [DINT]) for station in zone.stations}
+        found[plant_of(zone.name)] = [DINT] * 3, [DINT] * 2
+        found[setup_of(zone.name)] = [DINT] * MOST_OPERATIONS, [DINT] * 2
+        found |= {plant_of(vehicle.name): ([DINT, BOOL, *[DINT] * 4], [DINT] * 4) for vehicle in zone.vehicles}
+        found |= {plant_of(station.name): ([DINT] * 6, [DINT]) for station in zone.stations}
     return found

@@ -50,6 +50,12 @@ RESOURCE: Final = "EMB_RES"
 _PLANT: Final = "_PLANT"
 _FIRST_PORT: Final = 61600
 """Port of the first SERVER block; each further one has the next."""
+_TRACKED: Final = (
+    *("TAG", "OCC", "CLOSED"),
+    *("PHASE", "AT", "LOAD", "NEXT", "ACTIVE", "IDLE"),
+    *("KNOWN", "ROOM_LEFT"),
+)
+"""What BOX_TRACKING tells ORDER_DISPATCH: of slots, of vehicles, of the zone."""
 _WIDTH, _HEIGHT = 2600.0, 2200.0
 """Room that a block is given in the drawing."""
 
@@ -168,15 +174,62 @@ def _devices(line: Line) -> dict[str, str]:
     return found
 
 
+@dataclass(frozen=True, slots=True)
+class _ZoneBlocks:
+    """Names of the device of a zone and of its blocks."""
+
+    device: str
+    plant: str
+    tracking: str
+    dispatch: str
+    router: str
+
+
+@dataclass(frozen=True, slots=True)
+class _Message:
+    """A message to another device.
+
+    Attributes:
+        event: the event output that sends it.
+        number: the output that has its number.
+        values: the outputs with what it says, DINT; at most six.
+    """
+
+    event: str
+    number: str
+    values: tuple[str, ...]
+
+
+def _receive(drawing: _Drawing, device: str, name: str, plant: str, message: _Message) -> str:
+    """Draws the block that drops what is old of messages to a device; its name.
+
+    Args:
+        drawing: the application.
+        device: the device.
+        name: what the block is called.
+        plant: the SERVER block at which the plant asks this device, whose last value is the number of the sample.
+        message: the message.
+    """
+    newest = drawing.block(device, name, "NEWEST_MESSAGE", f"Drops what is old of what {message.event} tells")
+    drawing.event(f"{plant}.INITO", f"{newest}.INIT")
+    drawing.event(f"{plant}.IND", f"{newest}.OWN")
+    drawing.event(message.event, f"{newest}.REQ")
+    sources = {message.number: "NUMBER"} | {source: f"IN{k}" for k, source in enumerate(message.values, 1)}
+    drawing.data += (Connection(source, f"{newest}.{into}") for source, into in sources.items())
+    return newest
+
+
 def _draw_zone(drawing: _Drawing, line: Line, zone: ZonePlan) -> None:
     number, name, track = line.zones.index(zone), block_name(zone.name), zone.track
     device = f"ZONE_{name}"
     plant = drawing.server(
-        device, plant_of(zone.name), 1, 2, "The ends of the zone: next box and room in, orders out"
+        device, plant_of(zone.name), 2, 3, "The ends of the zone: next box and room in, orders out"
     )
-    setup = drawing.server(device, setup_of(zone.name), 1, MOST_OPERATIONS, "Which station does which operation")
+    setup = drawing.server(device, setup_of(zone.name), 2, MOST_OPERATIONS, "Which station does which operation")
     nodes = {f"NODE{k}": literal_of(track.number(s.node)) for k, s in enumerate(zone.stations, 1)}
     nodes |= {f"NODE{k}": "0" for k in range(len(zone.stations) + 1, MOST_STATIONS + 1)}
+    vehicles = literal_of(len(zone.vehicles))
+    tracking = drawing.block(device, f"{name}_TRACKING", "BOX_TRACKING", "Which box is where", VEHICLES=vehicles)
     dispatch = drawing.block(
         device,
         f"{name}_DISPATCH",
@@ -185,7 +238,7 @@ def _draw_zone(drawing: _Drawing, line: Line, zone: ZonePlan) -> None:
         ENTRY_NODE=literal_of(track.number(line.entry(number))),
         EXIT_NODE=literal_of(track.number(line.exit(number))),
         **nodes,
-        VEHICLES=literal_of(len(zone.vehicles)),
+        VEHICLES=vehicles,
         OPERATIONS=literal_of(len(line.operations)),
     )
     router = drawing.block(
@@ -196,30 +249,34 @@ def _draw_zone(drawing: _Drawing, line: Line, zone: ZonePlan) -> None:
         **{key: literal_of(value) for key, value in router_inputs(line, number).items()},
     )
     drawing.event(f"{plant}.INITO", f"{setup}.INIT")
-    drawing.event(f"{setup}.INITO", f"{dispatch}.INIT")
+    drawing.event(f"{setup}.INITO", f"{tracking}.INIT")
+    drawing.event(f"{tracking}.INITO", f"{dispatch}.INIT")
     drawing.event(f"{dispatch}.INITO", f"{router}.INIT")
-    drawing.event(f"{plant}.IND", f"{dispatch}.REQ")
+    drawing.event(f"{plant}.IND", f"{tracking}.REQ")
+    drawing.event(f"{tracking}.CNF", f"{dispatch}.REQ")
     drawing.event(f"{dispatch}.CNF", f"{plant}.RSP")
-    drawing.event(f"{setup}.IND", f"{dispatch}.SETUP")
+    drawing.event(f"{setup}.IND", f"{tracking}.SETUP")
+    drawing.event(f"{tracking}.SETUPO", f"{dispatch}.SETUP")
     drawing.event(f"{dispatch}.SETUPO", f"{setup}.RSP")
-    drawing.wires(plant, dispatch, {"RD_1": "ENTRY", "RD_2": "ROOM"})
-    drawing.wires(dispatch, plant, {"ORDERS": "SD_1"})
+    drawing.wires(plant, tracking, {"RD_1": "ENTRY", "RD_2": "ROOM"})
+    drawing.wires(plant, dispatch, {"RD_3": "SAMPLE"})
+    drawing.wires(tracking, dispatch, {name: name for name in _TRACKED})
+    drawing.wires(dispatch, tracking, {"JOBS": "JOB", "TAKES": "TAKE", "BRINGS": "BRING"})
+    drawing.wires(dispatch, plant, {"ORDERS": "SD_1", "NUMBER": "SD_2"})
     drawing.wires(setup, dispatch, {f"RD_{k}": f"S{k}" for k in range(1, MOST_OPERATIONS + 1)})
-    drawing.wires(dispatch, setup, {"SETUPS": "SD_1"})
+    drawing.wires(dispatch, setup, {"SETUPS": "SD_1", "NUMBER": "SD_2"})
     for k, vehicle in enumerate(zone.vehicles, 1):
-        _draw_vehicle(drawing, zone, k, vehicle, dispatch, router)
+        _draw_vehicle(drawing, zone, k, vehicle, _ZoneBlocks(device, plant, tracking, dispatch, router))
     for k, station in enumerate(zone.stations, 1):
-        _draw_station(drawing, line, k, station, dispatch)
+        _draw_station(drawing, line, k, station, _ZoneBlocks(device, plant, tracking, dispatch, router))
 
 
-def _draw_vehicle(
-    drawing: _Drawing, zone: ZonePlan, k: int, vehicle: VehiclePlan, dispatch: str, router: str
-) -> None:
-    device = f"VEHICLES_{block_name(zone.name)}"
-    plant = drawing.server(device, plant_of(vehicle.name), 3, 4, f"Vehicle {vehicle.name}: where it is; what it does")
+def _draw_vehicle(drawing: _Drawing, zone: ZonePlan, k: int, vehicle: VehiclePlan, blocks: _ZoneBlocks) -> None:
+    device, name = f"VEHICLES_{block_name(zone.name)}", block_name(vehicle.name)
+    plant = drawing.server(device, plant_of(vehicle.name), 4, 6, f"Vehicle {vehicle.name}: where it is; what it does")
     execution = drawing.block(
         device,
-        f"{block_name(vehicle.name)}_EXECUTION",
+        f"{name}_EXECUTION",
         "ORDER_EXECUTION",
         f"Orders of vehicle {vehicle.name}",
         HOME=literal_of(zone.track.number(vehicle.home)),
@@ -227,24 +284,33 @@ def _draw_vehicle(
     )
     drawing.event(f"{plant}.INITO", f"{execution}.INIT")
     drawing.event(f"{plant}.IND", f"{execution}.REQ")
-    drawing.event(f"{execution}.CNF", f"{dispatch}.VEHICLE{k}", f"{router}.REQ{k}")
-    drawing.event(f"{router}.CNF{k}", f"{plant}.RSP")
-    drawing.event(f"{dispatch}.ORDER{k}", f"{execution}.ORDER")
     drawing.wires(plant, execution, {"RD_1": "AT", "RD_2": "STANDING", "RD_3": "LOAD", "RD_4": "BATTERY"})
-    drawing.wires(plant, router, {"RD_1": f"AT{k}", "RD_2": f"STANDING{k}"})
-    drawing.wires(plant, dispatch, {"RD_1": f"AT{k}", "RD_3": f"LOAD{k}"})
-    drawing.wires(execution, router, {"GOAL": f"GOAL{k}"})
-    drawing.wires(execution, dispatch, {"PHASE": f"PHASE{k}", "DONE": f"DONE{k}"})
     drawing.wires(execution, plant, {"ACTION": "SD_2", "SLOT": "SD_3"})
-    drawing.wires(router, plant, {f"NEXT{k}": "SD_1"})
+    does = (f"{execution}.{name}" for name in ("GOAL", "PHASE", "DONE"))
+    told = (f"{plant}.RD_1", f"{plant}.RD_5", f"{plant}.RD_3", *does)
+    message = _Message(f"{execution}.CNF", f"{plant}.RD_6", told)
+    state = _receive(drawing, blocks.device, f"{name}_STATE", blocks.plant, message)
+    drawing.event(f"{state}.CNF", f"{blocks.tracking}.VEHICLE{k}", f"{blocks.router}.REQ{k}")
+    drawing.wires(state, blocks.tracking, {f"OUT{n}": f"{to}{k}" for n, to in ((1, "AT"), (3, "LOAD"))})
+    drawing.wires(state, blocks.tracking, {f"OUT{n}": f"{to}{k}" for n, to in ((5, "PHASE"), (6, "DONE"))})
+    drawing.wires(state, blocks.router, {f"OUT{n}": f"{to}{k}" for n, to in ((1, "AT"), (2, "BASE_END"))})
+    drawing.wires(state, blocks.router, {"OUT4": f"GOAL{k}"})
+    drawing.event(f"{blocks.router}.CNF{k}", f"{plant}.RSP")
+    drawing.event(f"{state}.EARLY", f"{plant}.RSP")  # nothing is given to it, but it need not wait for an answer
+    drawing.wires(blocks.router, plant, {f"NEXT{k}": "SD_1"})
+    drawing.wires(state, plant, {"NEWEST": "SD_4"})
     names = ("JOB", "TAKE_NODE", "TAKE_SLOT", "BRING_NODE", "BRING_SLOT")
-    drawing.wires(dispatch, execution, {f"{name}{k}": name for name in names})
+    ordered = tuple(f"{blocks.dispatch}.{n}{k}" for n in names)
+    message = _Message(f"{blocks.dispatch}.ORDER{k}", f"{blocks.dispatch}.ORDER_NUMBER{k}", ordered)
+    order = _receive(drawing, device, f"{name}_ORDER", plant, message)
+    drawing.event(f"{order}.CNF", f"{execution}.ORDER")
+    drawing.wires(order, execution, {f"OUT{n}": to for n, to in enumerate(names, 1)})
 
 
-def _draw_station(drawing: _Drawing, line: Line, k: int, station: StationPlan, dispatch: str) -> None:
-    device, colours = device_of(station.name), places_of(station)
+def _draw_station(drawing: _Drawing, line: Line, k: int, station: StationPlan, blocks: _ZoneBlocks) -> None:
+    device, name, colours = device_of(station.name), block_name(station.name), places_of(station)
     plant = drawing.server(
-        device, plant_of(station.name), 1, 5, f"Station {station.name}: tags, arm and stop in; what is offered out"
+        device, plant_of(station.name), 1, 6, f"Station {station.name}: tags, arm and stop in; what is offered out"
     )
     places = [
         colours.index(operation.place) + 1 if operation.name in station.operations else 0
@@ -253,20 +319,28 @@ def _draw_station(drawing: _Drawing, line: Line, k: int, station: StationPlan, d
     places += [0] * (MOST_OPERATIONS - len(places))
     setup = drawing.block(
         device,
-        f"{block_name(station.name)}_SETUP",
+        f"{name}_SETUP",
         "STATION_SETUP",
         f"What the arm of station {station.name} is offered",
         **{f"PLACE{number}": literal_of(place) for number, place in enumerate(places, 1)},
     )
     drawing.event(f"{plant}.INITO", f"{setup}.INIT")
     drawing.event(f"{plant}.IND", f"{setup}.REQ")
-    drawing.event(f"{setup}.CNF", f"{dispatch}.STATION{k}", f"{plant}.RSP")
-    drawing.event(f"{dispatch}.ENABLE", f"{setup}.SETUP")
+    drawing.event(f"{setup}.CNF", f"{plant}.RSP")
     drawing.wires(plant, setup, {"RD_1": "BOX_IN", "RD_3": "BOX_OUT", "RD_4": "ARM", "RD_5": "STOP"})
-    drawing.wires(plant, dispatch, {"RD_1": f"IN{k}", "RD_2": f"WORK{k}", "RD_3": f"OUT{k}"})
-    drawing.wires(setup, dispatch, {"STATE": f"STATE{k}"})
     drawing.wires(setup, plant, {"OFFER": "SD_1"})
-    drawing.wires(dispatch, setup, {f"MASK{k}": "MASK"})
+    told = (*(f"{plant}.RD_{n}" for n in (1, 2, 3)), f"{setup}.STATE")
+    message = _Message(f"{setup}.CNF", f"{plant}.RD_6", told)
+    state = _receive(drawing, blocks.device, f"{name}_STATE", blocks.plant, message)
+    drawing.event(f"{state}.CNF", f"{blocks.tracking}.STATION{k}")
+    names = ("IN", "WORK", "OUT", "STATE")
+    drawing.wires(state, blocks.tracking, {f"OUT{n}": f"{to}{k}" for n, to in enumerate(names, 1)})
+    message = _Message(
+        f"{blocks.dispatch}.ENABLE", f"{blocks.dispatch}.ENABLE_NUMBER", (f"{blocks.dispatch}.MASK{k}",)
+    )
+    enabled = _receive(drawing, device, f"{name}_ENABLED", plant, message)
+    drawing.event(f"{enabled}.CNF", f"{setup}.SETUP")
+    drawing.wires(enabled, setup, {"OUT1": "MASK"})
 
 
 def router_inputs(line: Line, zone: int) -> dict[str, Any]:

@@ -39,11 +39,14 @@ class VehicleSample:
 
     Attributes:
         at: number of the last node that it has reached.
+        base_end: number of the last node that was given to it (the end of its base, VDA 5050), or that it has
+            reached; 0 if nobody knows where it is.
         standing: whether it stands there.
         battery: its charge, whole percent.
     """
 
     at: int
+    base_end: int
     standing: bool
     battery: int
 
@@ -96,14 +99,20 @@ class Vehicle:
 
     def sample(self) -> VehicleSample:
         """What it tells its control."""
-        return VehicleSample(self._track.number(self.path[0]), self.standing, math.floor(self.battery))
+        at, base_end = map(self._track.number, (self.path[0], self.path[-1]))
+        return VehicleSample(at, base_end, self.standing, math.floor(self.battery))
 
     def obey(self, command: VehicleCommand) -> None:
-        """Takes a command; a node that it has counts once; an action begins anew when it is another than before."""
-        if command.next and (node := self._track.name(command.next)) != self.path[-1]:
+        """Takes a command; an action begins anew when it is another than before."""
+        if node := self.given(command):
             self.path.append(node)
         if (command.action, command.slot) != (self.action, self._slot):
             self.action, self._slot, self._busy = command.action, command.slot, 0.0
+
+    def given(self, command: VehicleCommand) -> str:
+        """The node that a command gives it, "" for none: one to which a segment leads from the end of its base."""
+        node = self._track.name(command.next) if command.next else ""
+        return node if node in self._track.next(self.path[-1]) else ""
 
     def now(self) -> VehicleNow:
         """How it is."""

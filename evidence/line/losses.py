@@ -6,34 +6,23 @@ Equal seeds give equal events. Nothing waits for a clock, so that an hour of a l
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cache
-from typing import Any, ClassVar, Final, Literal
+from typing import Any, ClassVar, Final
 
 import msgspec
 import numpy as np
 
 from dtwin.campaign.spread import Progress, spread
 from dtwin.commands.frame import WorkforceOption, at_least
-from dtwin.controller.ports import BLOCKS
-from dtwin.errors import CommunicationError
-from dtwin.line.control import servers
 from dtwin.line.file import DEFAULT_NAME, line_of
 from dtwin.line.line import Line
 from dtwin.line.station import WorkTimes
-from dtwin.line.system import RESOURCE, system
 from evidence.experiment import ExperimentCommand
 from evidence.line.timed import TimedLine
+from evidence.line.troubled import MESSAGES, TROUBLES, Trouble, TroubledDevices
 from evidence.report import Report, page, table
-from iec61499.library import Library
-from iec61499.mapping import resource_network
-from iec61499.runtime.communication import Channel, CommunicationPort, LocalTransport, Values
-from iec61499.runtime.resource import Resource
 
-Trouble = Literal["ended", "frozen", "lost", "twice", "late"]
-TROUBLES: Final[tuple[Trouble, ...]] = ("ended", "frozen", "lost", "twice", "late")
 FILLING: Final = 100.0
 """Time before the first trouble, s."""
 AFTERWARDS: Final = 200.0
@@ -44,180 +33,8 @@ _LENGTHS: Final = (0.0, 0.1, 1.0, 3.0, 8.0, 20.0)
 """How long a trouble lasts, s."""
 _SHARES: Final = (0.02, 0.1, 0.5)
 """Shares of the messages that are troubled."""
-_SPARED: Final = 50
-"""Most samples for which a device that has not answered is not asked."""
-_MESSAGES: Final = 5000
-"""Most messages that may follow from one sample."""
 _LEAST: Final = 4
 """Boxes that must leave afterwards, where some eight come."""
-
-
-@dataclass(frozen=True, slots=True)
-class Message:
-    """A message on its way: device and port to which it goes, and what it says."""
-
-    device: str
-    port: CommunicationPort
-    values: Values
-
-
-class Messages:
-    """Messages on their way between devices.
-
-    Args:
-        generator: draws which are troubled.
-
-    Attributes:
-        trouble: what happens to them now, None for nothing.
-        share: share of them that it happens to.
-        news: number of messages so far that say something else than the one of the same event before them.
-        loses: number of the one of these that is lost, -1 for none.
-    """
-
-    def __init__(self, generator: np.random.Generator) -> None:
-        self.trouble: Trouble | None = None
-        self.share = 0.0
-        self.news, self.loses = 0, -1
-        self._generator = generator
-        self._waiting: deque[Message] = deque()
-        self._late: deque[Message] = deque()
-        self._said: dict[tuple[CommunicationPort, Any], tuple[Any, ...]] = {}
-
-    def send(self, message: Message) -> None:
-        """Takes a message, and may lose it, tell it twice or keep it for later."""
-        values = tuple(message.values)
-        what = message.port, values[0]
-        if self._said.get(what) != values:
-            self._said[what] = values
-            self.news += 1
-            if self.news == self.loses:
-                return
-        if self.trouble is None or self._generator.random() >= self.share:
-            self._waiting.append(message)
-        elif self.trouble == "late":
-            self._late.append(message)
-        elif self.trouble == "twice":
-            self._waiting.extend((message, message))
-
-    def bring(self, messages: Sequence[Message]) -> None:
-        """Takes messages that are told now, whatever happens to others."""
-        self._waiting.extend(messages)
-
-    def next(self) -> Message | None:
-        """The one that has waited longest, None if there is none."""
-        return self._waiting.popleft() if self._waiting else None
-
-    def well(self) -> None:
-        """Ends the trouble, and brings what was kept for later."""
-        self.trouble = None
-        self._waiting.extend(self._late)
-        self._late.clear()
-
-
-class TroubledDevices:
-    """The blocks of a line, each on the resource of its device; these end and freeze.
-
-    Args:
-        line: the line.
-        generator: draws what is troubled, and for how long a device that did not answer is not asked.
-
-    Attributes:
-        names: names of the devices.
-        messages: what is on its way between them.
-    """
-
-    def __init__(self, line: Line, generator: np.random.Generator) -> None:
-        self._library = Library([BLOCKS])
-        whole = self._library.complete(system(line))
-        self.names = [device.name for device in whole.devices]
-        self.messages = Messages(generator)
-        self._networks = {name: resource_network(whole, f"{name}.{RESOURCE}") for name in self.names}
-        self._servers = set(servers(line))
-        self._generator = generator
-        self._local = LocalTransport()
-        self._resources: dict[str, Resource] = {}
-        self._opened: dict[str, list[CommunicationPort]] = {}
-        self._ports: dict[str, tuple[str, CommunicationPort, list[tuple[Any, ...]]]] = {}
-        self._frozen: dict[str, list[Message]] = {}
-        self._spared: dict[str, int] = {}
-        for name in self.names:
-            self.begin(name)
-
-    def begin(self, name: str) -> None:
-        """Starts a device, which knows nothing."""
-        resource = self._resources[name] = Resource(self._networks[name], self._library, _Way(self, name))
-        for block in self._servers & set(resource.states()):
-            answers: list[tuple[Any, ...]] = []
-            port = resource.port(block)
-            port.attach(answers.append)
-            self._ports[block] = name, port, answers
-        resource.start()
-        self._settle()
-
-    def end(self, name: str) -> None:
-        """Ends a device; what was on its way to it is lost."""
-        del self._resources[name]
-        for port in self._opened.pop(name, ()):
-            port.close()
-
-    def freeze(self, name: str) -> None:
-        """Lets a device stand; what comes waits in front of it."""
-        self._frozen[name] = []
-
-    def thaw(self, name: str) -> None:
-        """Lets it go on with all that has come meanwhile, however old it is."""
-        self.messages.bring(self._frozen.pop(name))
-        self._settle()
-
-    def open(self, name: str, port: CommunicationPort) -> Channel:
-        """Opens a channel for a block of a device."""
-        self._opened.setdefault(name, []).append(port)
-        return self._local.open(port, lambda values: self.messages.send(Message(name, port, values)))
-
-    def exchange(self, block: str, values: Sequence[Any]) -> tuple[Any, ...]:
-        """The answer of a block. Raises CommunicationError: it does not come, or it is not asked yet."""
-        name, port, answers = self._ports[block]
-        if self._spared.get(block):
-            self._spared[block] -= 1
-            raise CommunicationError(f"{block} is not asked yet")
-        answers.clear()
-        if name in self._resources:
-            self.messages.bring([Message(name, port, tuple(values))])
-            self._settle()
-        if answers:
-            return answers[-1]
-        self._spared[block] = int(self._generator.integers(0, _SPARED + 1))
-        raise CommunicationError(f"{block} does not answer")
-
-    def now(self) -> Any:
-        """None: what is on its way belongs to it."""
-
-    def resume(self, now: Any) -> None:
-        """Does nothing."""
-
-    def _settle(self) -> None:
-        for _ in range(_MESSAGES):
-            for name, resource in self._resources.items():
-                if name not in self._frozen and not resource.is_idle:
-                    resource.run_until_idle()
-            message = self.messages.next()
-            if message is None:
-                return
-            if message.device in self._frozen:
-                self._frozen[message.device].append(message)
-            elif message.device in self._resources and message.port.is_open:
-                message.port.deliver(message.values)
-        raise CommunicationError(f"the devices of the line do not come to rest within {_MESSAGES} messages")
-
-
-class _Way:
-    """The transport of one device."""
-
-    def __init__(self, devices: TroubledDevices, name: str) -> None:
-        self._devices, self._name = devices, name
-
-    def open(self, port: CommunicationPort) -> Channel:
-        return self._devices.open(self._name, port)
 
 
 @dataclass(frozen=True, slots=True)
@@ -228,6 +45,7 @@ class LossTrial:
         line: the line: a file or a name of the folder lines.
         seed: number of the random generator.
         troubles: number of troubles, one after the other.
+        together: whether a device ends or freezes in the midst of troubled messages, each time.
         loses: number of the only message that is lost instead, counted from the end of the filling on; 0 for none.
     """
 
@@ -235,6 +53,7 @@ class LossTrial:
     seed: int
     troubles: int
     loses: int = 0
+    together: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -282,7 +101,8 @@ def troubled(trial: LossTrial) -> LossOutcome:
     run.work(FILLING + (0.0 if trial.loses else _AGAIN * float(generator.random())))
     if trial.loses:
         run.devices.messages.loses = run.devices.messages.news + trial.loses
-    told = [_trouble(run, generator) for _ in range(trial.troubles)]
+    trouble = _troubles_together if trial.together else _trouble
+    told = [trouble(run, generator) for _ in range(trial.troubles)]
     before, plant = len(run.plant.left), run.plant
     run.work(AFTERWARDS)
     left = len(plant.left) - before
@@ -311,6 +131,24 @@ def _trouble(run: _Run, generator: np.random.Generator) -> str:
     return f"{began:.1f} s: {name} {trouble} for {seconds:g} s"
 
 
+def _troubles_together(run: _Run, generator: np.random.Generator) -> str:
+    """A device that ends or freezes while messages are troubled, and some time after it; what it was."""
+    devices, began = run.devices, run.plant.time
+    name, is_end = str(generator.choice(devices.names)), bool(generator.integers(2))
+    before, away, after = (float(generator.choice(_LENGTHS)) for _ in range(3))
+    trouble: Trouble = MESSAGES[int(generator.integers(len(MESSAGES)))]
+    devices.messages.trouble, devices.messages.share = trouble, float(generator.choice(_SHARES))
+    run.work(before)
+    (devices.end if is_end else devices.freeze)(name)
+    run.work(away)
+    (devices.begin if is_end else devices.thaw)(name)
+    run.work(after)
+    devices.messages.well()
+    run.work(_AGAIN * float(generator.random()))
+    what = f"{name} {'ended' if is_end else 'frozen'} for {away:g} s"
+    return f"{began:.1f} s: messages {trouble} for {before + away + after:g} s, after {before:g} s {what}"
+
+
 @cache
 def news_within(line: str, seconds: float) -> int:
     """Number of messages between devices that say something new, in a time from the end of the filling on."""
@@ -336,6 +174,8 @@ class ExperimentLineLosses(WorkforceOption, ExperimentCommand[list[LossOutcome]]
     """Number of runs with random troubles."""
     troubles: int = 6
     """Number of troubles in each."""
+    together: bool = False
+    """A device ends or freezes in the midst of troubled messages, each time."""
     every: float = 0.0
     """Time in which every message with news is lost once, each in a run of its own, s."""
 
@@ -343,7 +183,8 @@ class ExperimentLineLosses(WorkforceOption, ExperimentCommand[list[LossOutcome]]
         at_least("--runs", self.runs, 0)
         at_least("--troubles", self.troubles, 0)
         at_least("--every", self.every, 0.0)
-        trials = [LossTrial(self.line, self.seed + k, self.troubles) for k in range(self.runs)]
+        seeds = range(self.seed, self.seed + self.runs)
+        trials = [LossTrial(self.line, seed, self.troubles, together=self.together) for seed in seeds]
         count = news_within(self.line, self.every) if self.every else 0
         trials += [LossTrial(self.line, self.seed, 0, 1 + k) for k in range(count)]
         return spread(troubled, trials, self.workforce(), progress)

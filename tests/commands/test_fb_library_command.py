@@ -112,6 +112,7 @@ def test_lua_files_hold_the_types(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert main(["fb", "export", "--format", "lua", str(tmp_path / "lua")]) == 0
     files = [Path(line) for line in capsys.readouterr().out.splitlines()]
     assert sorted(file.stem for file in files) == [
+        "BOX_TRACKING",
         "CHAIN_LINK",
         "COMPUTED_TORQUE_CONTROL_3",
         "DATA_SELECTOR",
@@ -122,6 +123,7 @@ def test_lua_files_hold_the_types(tmp_path: Path, capsys: pytest.CaptureFixture[
         "JOINT_OBSERVER",
         "JOINT_PATH",
         "JOINT_READING",
+        "NEWEST_MESSAGE",
         "ORDER_DISPATCH",
         "ORDER_EXECUTION",
         "PATH_PLANNER",

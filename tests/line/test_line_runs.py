@@ -151,8 +151,9 @@ def test_vehicles_do_not_touch_when_their_control_begins_anew(seconds: int) -> N
 def test_a_zone_refuses_a_set_up_in_which_its_boxes_could_not_leave() -> None:
     control = Control(LINE, OneResource(LINE))
     assert control.set_up(LINE.assignment)
-    control.blocks.exchange("A1_PLANT", (0, 0, 602, 0, 0))  # box 6 is finished here, its operation 2 is next
-    control.blocks.exchange("A2_PLANT", (502, 0, 403, 0, 0))  # box 5 waits here, box 4 is finished
+    control.blocks.exchange("A_PLANT", (0, 0, 1))  # what follows from later samples counts
+    control.blocks.exchange("A1_PLANT", (0, 0, 602, 0, 0, 2))  # box 6 is finished here, its operation 2 is next
+    control.blocks.exchange("A2_PLANT", (502, 0, 403, 0, 0, 2))  # box 5 waits here, box 4 is finished
     assert not control.set_up({"deburr": "a1", "mark": "a1", "test": "a2", "pack": "b2"})
     assert control.set_up({"deburr": "a1", "mark": "a2", "test": "b2", "pack": "b2"})
 

@@ -1,17 +1,25 @@
 """A line whose messages are lost and whose devices begin anew: no zone is left standing, no box leaves unfinished."""
 
+from collections.abc import Sequence
 from functools import partial
+from typing import Any
 
 import numpy as np
 import pytest
 
+from dtwin.line.control import Control, OneResource
 from dtwin.line.file import line_of
-from dtwin.line.system import system
+from dtwin.line.plant import Plant
+from dtwin.line.station import TimedStation, WorkTimes
+from dtwin.line.system import plant_of, system
 from evidence.line.kills import at_ports
-from evidence.line.losses import LossOutcome, LossTrial, TroubledDevices, _Run, _trouble, troubled
+from evidence.line.losses import LossOutcome, LossTrial, _Run, _trouble, troubled
+from evidence.line.timed import TimedLine
+from evidence.line.troubled import TroubledDevices
 from iec61499.mapping import management_address
 
 LINE = line_of("default")
+TIMES = WorkTimes(0.5, dict.fromkeys(("blue", "red", "green"), 2.8), dict.fromkeys(("blue", "red", "green"), 2.3))
 
 
 def begun(seconds: float) -> _Run:
@@ -73,6 +81,50 @@ def test_a_zone_that_begins_anew_between_two_samples_is_set_up_again() -> None:
     run.devices.begin(zone)
     assert not run.control.absent
     goes_on(run, 100.0, 3)
+
+
+class Belated(OneResource):
+    """Blocks whose answers to vehicles are those to the sample before."""
+
+    def __init__(self) -> None:
+        super().__init__(LINE)
+        self._before: dict[str, tuple[Any, ...]] = {}
+        self._vehicles = {plant_of(vehicle.name) for zone in LINE.zones for vehicle in zone.vehicles}
+
+    def exchange(self, block: str, values: Sequence[Any]) -> tuple[Any, ...]:
+        answer = super().exchange(block, values)
+        if block not in self._vehicles:
+            return answer
+        before, self._before[block] = self._before.get(block, answer), answer
+        return before
+
+
+@pytest.mark.parametrize(("blocks", "stands"), [(Belated, True), (partial(OneResource, LINE), False)])
+def test_a_vehicle_takes_no_node_of_an_answer_to_an_earlier_sample(
+    blocks: type[Belated] | partial[OneResource], stands: bool
+) -> None:
+    plant = Plant(LINE, {station.name: TimedStation(TIMES) for station in LINE.stations})
+    control = Control(LINE, blocks())
+    control.set_up(LINE.assignment)
+    for _ in range(100):
+        plant.advance()
+        control.step(plant)
+    assert all(vehicle.driven == 0.0 for vehicle in plant.vehicles.values()) == stands
+
+
+def test_a_plant_that_begins_anew_goes_on_with_blocks_that_have_heard_later_samples() -> None:
+    run = begun(90.0)
+    devices = run.devices
+    anew = TimedLine(LINE, devices, dict.fromkeys((station.name for station in LINE.stations), TIMES))
+    anew.work(150.0)
+    assert len(anew.plant.left) >= 3
+    assert (anew.plant.lost, anew.plant.collisions, anew.plant.unfinished) == (0, 0, 0)
+
+
+def test_devices_that_begin_anew_drop_what_was_told_before() -> None:
+    outcome = troubled(LossTrial("default", 501, 3, together=True))
+    assert all(" messages " in told for told in outcome.told)
+    assert outcome.kept
 
 
 def test_equal_seeds_give_equal_troubles() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from dataclasses import replace
 from typing import Final
 
 from msgspec import UNSET
@@ -73,11 +74,11 @@ class DistantVehicle(Vehicle):
         """What its control is told: it stands only if that is certain."""
         sample = super().sample()
         stands = sample.standing and self._known and not self._driving and not self.orders.has_new
-        return VehicleSample(sample.at, stands, sample.battery)
+        return replace(sample, base_end=sample.base_end if self._known else 0, standing=stands)
 
     def obey(self, command: VehicleCommand) -> None:
         """Takes a command, and writes it into the order."""
-        if command.next and (node := self._track.name(command.next)) != self.path[-1]:
+        if node := self.given(command):
             self._give(self.path[-1], node)
             self.path.append(node)
         if (command.action, command.slot) == (self.action, self._slot):
