@@ -16,7 +16,7 @@ _STEPS, _NOISES, _MOTION = 3.0, 10.0, 1e-3
 """What an encoder shows in any case: so many steps and deviations of its noise, and that motion, rad or m."""
 _HELD: Final = 4.0
 """Change of a torque, in parts of the dry friction, that friction twice as strong holds either way."""
-_PRESSED: Final = 0.5
+_PRESSED: Final = 0.2
 """Time for which a joint may stand although its command has grown by what its dry friction holds either way, s."""
 _CARRIED: Final = 0.5
 """Torque that a gear carries at most for long, in parts of the largest one of its drive."""
