@@ -118,6 +118,19 @@ class Transmission:
 
 
 @dataclass(frozen=True, slots=True)
+class Brake:
+    """A brake that holds a joint by springs as long as its coil has no current.
+
+    Attributes:
+        torque: torque or force up to which it holds, at the joint, N m or N; a joint that moves loses as much.
+        delay: time from its command until it holds, s.
+    """
+
+    torque: float
+    delay: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
 class Tolerances:
     """Relative standard deviations of an arm of this kind from its data sheet.
 
@@ -170,6 +183,7 @@ class Joint:
         acceleration: largest acceleration that a path asks for, rad/s^2 or m/s^2; inf where nobody said one.
         friction: what it loses.
         transmission: its gear, if that yields; None for one that does not.
+        brake: its holding brake; None without one.
     """
 
     name: str
@@ -186,6 +200,7 @@ class Joint:
     acceleration: float = np.inf
     friction: Friction = Friction()
     transmission: Transmission | None = None
+    brake: Brake | None = None
 
     @property
     def turns(self) -> bool:

@@ -20,7 +20,7 @@ from typing import Any, Final, Literal, cast, get_args
 import msgspec
 import numpy as np
 
-from dtwin.arm.chain import Actuator, Arm, Commanded, Friction, Gripper, Joint, Side, Tolerances, Transmission
+from dtwin.arm.chain import Actuator, Arm, Brake, Commanded, Friction, Gripper, Joint, Side, Tolerances, Transmission
 from dtwin.errors import ModelError, choices
 from dtwin.files import reason_of
 from dtwin.parameters import ROOT, Point
@@ -39,6 +39,8 @@ UNITS: Final[dict[str, Commanded]] = {
 """What an actuator can be commanded in."""
 _LARGEST: Final = 1 << 18
 """Largest file that is read, bytes."""
+ENGAGES: Final = 0.05
+"""Time from the command of a brake until it holds where a file does not say it, s."""
 SIDES: Final[tuple[Side, ...]] = get_args(Side)
 """Sides of a gear on which an encoder can be."""
 Sign = Literal["any", "positive", "not negative"]
@@ -59,6 +61,8 @@ _JOINT: Final[dict[str, tuple[Sign, str]]] = {
     "gear_stiffness": ("positive", "stiffness of the gear as seen at the joint, N m/rad or N/m"),
     "gear_damping": ("not negative", "its damping, N m s/rad or N s/m"),
     "backlash": ("not negative", "its whole play at the joint, rad or m"),
+    "brake": ("positive", "torque that its holding brake holds, at the joint, N m or N"),
+    "brake_delay": ("not negative", "time from the command of that brake until it holds, s"),
     "encoder": ("not negative", "step of the encoder at the joint, rad or m"),
     "lower": ("any", "least position, rad or m"),
     "upper": ("any", "largest position, rad or m"),
@@ -282,10 +286,21 @@ def _completed(joint: Joint, said: Mapping[str, float | str], deviation: float) 
         actuator=Actuator(commanded, constant, deviation, gear, rotor, limit, stiffness, damping),
         friction=Friction(*(numbers.get(key, getattr(friction, key)) for key in ("viscous", "coulomb", "load"))),
         transmission=_transmission(joint, said, rotor),
+        brake=_brake(joint, numbers),
     )
     if not found.lower < found.upper:
         raise ModelError(f"joints.{joint.name}: expected lower below upper, got {found.lower:g} and {found.upper:g}")
     return found
+
+
+def _brake(joint: Joint, numbers: Mapping[str, float]) -> Brake | None:
+    found = joint.brake
+    if "brake" not in numbers and "brake_delay" in numbers and found is None:
+        raise ModelError(f"joints.{joint.name}.brake_delay: expected brake: {meaning('brake')}")
+    given = {
+        name: numbers[key] for key, name in {"brake": "torque", "brake_delay": "delay"}.items() if key in numbers
+    }
+    return replace(found or Brake(0.0, ENGAGES), **given) if given else found
 
 
 def _transmission(joint: Joint, said: Mapping[str, float | str], rotor: float | None) -> Transmission | None:

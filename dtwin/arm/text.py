@@ -43,7 +43,18 @@ def summary(arm: Arm) -> list[str]:
     mass, size = sum(link.mass for link in arm.links), counted(len(arm), "joint")
     held = f", holds {arm.gripper.payload:g} kg" if arm.gripper else ""
     lines = [f"{arm.name}: {size}, {mass:.3g} kg, joints {reach:.3g} m along{held}, {arm.period:g} s a tick"]
-    return lines + [f"note: {remark}" for remark in arm.remarks]
+    return [*lines, *_brakes(arm), *(f"note: {remark}" for remark in arm.remarks)]
+
+
+def _brakes(arm: Arm) -> list[str]:
+    """What holds the joints without torque, as lines for people."""
+    fitted = {joint.name: joint.brake for joint in arm.joints if joint.brake is not None}
+    bare = [joint.name for joint in arm.joints if joint.brake is None]
+    held = [f"{name} {brake.torque:g} after {1e3 * brake.delay:g} ms" for name, brake in fitted.items()]
+    found = [f"brakes, N m or N: {', '.join(held)}"] if held else []
+    if bare and not arm.servos:
+        found.append(f"without a brake (`brake`), falls without torque: {', '.join(bare) if held else 'every joint'}")
+    return found
 
 
 def findings(arm: Arm) -> list[str]:
@@ -94,7 +105,7 @@ def _joint_lines(joint: Joint) -> list[str]:
             lines.append(f"limit = {joint.effort:g}{' ' * 20}# the largest effort of the model")
         elif not math.isfinite(known):
             lines.append(f"# add {key} = {meaning(key)}")
-    for key in ("gear", "rotor", "viscous", "coulomb", "encoder"):
+    for key in ("gear", "rotor", "viscous", "coulomb", "encoder", "brake"):
         if not math.isfinite(said.get(key, math.inf)):
             lines.append(f"# add {key}, if it is known: {meaning(key)}")
     return lines

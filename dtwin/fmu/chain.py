@@ -149,7 +149,7 @@ def _row(values: Any) -> str:
 def _messages(joints: int) -> str:
     """The text of messages.h: what the block ARM is told and answers."""
     sent, answered = messages(joints)
-    assert (len(sent.types), len(answered.types)) == (joints + 1, joints + 1)
+    assert (len(sent.types), len(answered.types)) == (joints + 1, 2 * joints + 1)
     lines = [
         "/* The message to the blocks and their answer. */",
         "#ifndef DTWIN_MESSAGES_H",

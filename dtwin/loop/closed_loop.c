@@ -31,6 +31,16 @@ static int32_t answered(const struct blocks *blocks, const struct arm *arm, cons
     return problem;
 }
 
+/* Whether the blocks move the gripper or engage a brake. */
+static int32_t turned(const struct blocks *blocks, const struct arm *arm, const struct course *course)
+{
+    const char *flags = (const char *)(blocks->answer + arm->joints);
+    int32_t other = flags[0] != course->gripper;
+    for (int i = 1; i <= arm->joints; i++)
+        other = other || flags[i];
+    return other;
+}
+
 /* The arm moves under the oldest of the commands that wait; whether it can go on. */
 static int32_t moved(const struct arm *arm, const double *command)
 {
@@ -50,11 +60,10 @@ int64_t closed_loop_run(const struct blocks *blocks, const struct arm *arm, cons
                         struct course *course)
 {
     const char *done = (const char *)blocks->unit + blocks->done;
-    const char *gripper = (const char *)(blocks->answer + arm->joints);
     int64_t resting = 0;
     for (int64_t k = 0; k < course->ticks; k++) {
         course->problem = answered(blocks, arm, rows, k);
-        if (!course->problem && course->gripper >= 0 && *gripper != course->gripper)
+        if (!course->problem && course->gripper >= 0 && turned(blocks, arm, course))
             course->problem = CLOSED_LOOP_GRIPPER;
         if (course->problem)
             return k;

@@ -8,7 +8,7 @@
 /* What ends the loop before its last tick. */
 enum {
     CLOSED_LOOP_LOST = -1,    /* the motion is not finite */
-    CLOSED_LOOP_GRIPPER = -2, /* the blocks' answer opens or closes the gripper; the arm has not moved on */
+    CLOSED_LOOP_GRIPPER = -2, /* the blocks' answer moves the gripper or engages a brake; the arm has not moved on */
 };
 
 /* The blocks; places in the unit are in bytes. */
@@ -16,7 +16,7 @@ struct blocks {
     int32_t (*exchange)(void *unit, const void *request, void *answer);
     void *unit;
     double *request; /* what the encoders read, and which box waits */
-    double *answer;  /* commands, and whether the gripper is closed */
+    double *answer;  /* commands, whether the gripper is closed, and whether each brake is engaged */
     const size_t *desired;
     size_t pose, done;
 };

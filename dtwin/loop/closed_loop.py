@@ -23,7 +23,7 @@ FINE: Final = 0
 LOST: Final = -1
 """The motion is not finite any more."""
 GRIPPER: Final = -2
-"""The blocks' answer opens or closes the gripper; the arm has not moved on since that answer."""
+"""The blocks' answer opens or closes the gripper, or a brake is engaged; the arm has not moved on since it."""
 _FOLDER: Final = Path(__file__).parent
 
 
@@ -33,7 +33,8 @@ class BlocksInMemory:
 
     Attributes:
         exchange: address of `int32_t exchange(void *unit, const void *request, void *answer)`. A request is n
-            positions and the number of the box that waits; an answer is n commands and whether the gripper is closed.
+            positions and the number of the box that waits; an answer is n commands, whether the gripper is closed,
+            and whether each of n brakes is engaged.
         unit: address of their state.
         desired: places of the n desired positions in it, LREAL, bytes.
         pose: place of the number of the pose to which the arm goes, DINT, bytes.
@@ -90,7 +91,8 @@ class Course:
         ticks: most ticks.
         rest: it ends when the last pose has been reached for more ticks than these.
         box: number of the box that waits, 0 for none.
-        gripper: whether the gripper is closed, so that the loop ends where that changes; None to go on.
+        gripper: whether the gripper is closed, so that the loop ends where that changes or a brake is engaged; None
+            to go on.
     """
 
     ticks: int
@@ -110,6 +112,8 @@ class Ticks:
         command: commands, (N, n).
         pose: number of the pose to which the arm went, (N,).
         problem: FINE, LOST in the last of them, or GRIPPER or what the blocks returned in one more.
+        gripped: whether the gripper is closed by the last answer; of no meaning where nobody asked for that.
+        brakes: whether each brake is engaged by it, (n,).
     """
 
     q: Array
@@ -118,6 +122,8 @@ class Ticks:
     command: Array
     pose: NDArray[np.int32]
     problem: int
+    gripped: bool = False
+    brakes: tuple[bool, ...] = ()
 
 
 class _Blocks(ctypes.Structure):
@@ -166,7 +172,7 @@ class ClosedLoop:
         given = drives.constant, drives.limit, drives.grid
         self._drives = [np.ascontiguousarray(each, dtype=np.float64) for each in given]
         self._desired = np.array(blocks.desired, dtype=np.uintp)
-        self._request, self._answer = np.zeros(n + 1), np.zeros(n + 1)
+        self._request, self._answer = np.zeros(n + 1), np.zeros(2 * n + 1)
         places = (each.ctypes.data for each in (self._request, self._answer, self._desired))
         self._blocks = _Blocks(blocks.exchange, blocks.unit, *places, blocks.pose, blocks.done)
 
@@ -193,7 +199,8 @@ class ClosedLoop:
         waiting[:] = held[:-1]
         last = done + (how.problem == GRIPPER)
         q, read, target, command = rows[:, :last]
-        return Ticks(q, read, target, command, poses[:last], how.problem)
+        gripped, *brakes = self._answer.view(np.bool_)[8 * n : 9 * n + 1].tolist()
+        return Ticks(q, read, target, command, poses[:last], how.problem, gripped, tuple(brakes))
 
 
 @lru_cache(maxsize=1)

@@ -361,7 +361,7 @@ def run(
             plant.hold(boxes.held)
             places[done] = boxes.places
         gripped[done] = controller.grips
-        plant.apply(rows[2, done])
+        plant.apply(rows[2, done], controller.brakes)
         plant.advance()
         done += 1
         if beside is not None:

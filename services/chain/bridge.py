@@ -297,7 +297,8 @@ class OwnBlocks(JudgedBlocks):
             target = tuple(map(float, self._controller.desired()[0]))
             self.stop = STOPS[self._controller.stop]
             self.doubted = self._controller.doubted if self.stop != "none" else 0
-            return JointCommands(sample.sequence, sample.time, commands, target, bool(self._controller.grips))
+            grips, brakes = self._controller.grips, self._controller.brakes
+            return JointCommands(sample.sequence, sample.time, commands, target, grips, brakes if any(brakes) else ())
 
     def _judge(self, state: ArmState, confidence: float, release: bool) -> Stop:
         with self._lock:

@@ -130,13 +130,17 @@ class DeviceBlocks(JudgedBlocks):
             CommunicationError: it is late, lost or not finite.
         """
         with self._lock:
-            *commands, grips = self._arm.exchange((*sample.theta, sample.box))
+            answer = self._arm.exchange((*sample.theta, sample.box))
             *watched, stop = self._application.watched(self._watched)
+        n = len(self._names)
+        commands, grips, brakes = answer[:n], bool(answer[n]), tuple(map(bool, answer[n + 1 :]))
         if not all(map(math.isfinite, commands)):
             raise CommunicationError(f"{self._address}: expected finite commands, got {commands}")
-        target, counts = watched[: len(self._names)], watched[len(self._names) :]
+        target, counts = watched[:n], watched[n:]
         self.stop, self.doubted = STOPS[int(stop)], chain.first_doubted(counts)
-        return JointCommands(sample.sequence, sample.time, tuple(commands), tuple(target), bool(grips))
+        return JointCommands(
+            sample.sequence, sample.time, tuple(commands), tuple(target), grips, brakes if any(brakes) else ()
+        )
 
     def _judge(self, state: ArmState, confidence: float, release: bool) -> Stop:
         with self._lock:

@@ -61,11 +61,11 @@ class RunningArm:
 
         Commands for another number of joints do not count, as nobody knows which joint they are for.
         """
-        if len(command.commands) == self._joints:
+        if len(command.commands) == self._joints and len(command.brakes) in (0, self._joints):
             self.command, self._held = command, None
 
     def stop(self) -> None:
-        """No torque until the next command; the gripper stays as it is.
+        """No torque until the next command, and all brakes are engaged; the gripper stays as it is.
 
         Drives that are commanded a position hold the joints where they were measured when this began.
         """
@@ -74,7 +74,8 @@ class RunningArm:
     def _without_torque(self, command: JointCommands) -> JointCommands:
         if self._held is None:
             self._held = self._sample.theta if self._settings.arm.servos else (0.0,) * self._joints
-        return JointCommands(command.sequence, command.time, self._held, command.target, command.gripped)
+        brakes = (True,) * self._joints
+        return JointCommands(command.sequence, command.time, self._held, command.target, command.gripped, brakes)
 
     def hold_off(self, command: JointCommands) -> None:
         """No torque where a command came that may not pass."""
@@ -98,7 +99,7 @@ class RunningArm:
             ):
                 if new:
                     self._events.append(Event(plant.time, kind, text))
-        plant.apply(self.command.commands)
+        plant.apply(self.command.commands, self.command.brakes)
         plant.advance()
         self._sequence += 1
         self._sample = self._sampled()

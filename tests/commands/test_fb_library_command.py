@@ -118,6 +118,7 @@ def test_lua_files_hold_the_types(tmp_path: Path, capsys: pytest.CaptureFixture[
         "DATA_SELECTOR",
         "ENCODER_OFFSET",
         "EVENT_COUNTER",
+        "JOINT_BRAKE",
         "JOINT_DRIVE",
         "JOINT_FEEDBACK",
         "JOINT_OBSERVER",

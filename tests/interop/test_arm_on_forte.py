@@ -27,12 +27,14 @@ from tests.support.ports import free_ports
 from tests.support.waiting import connected
 
 SECONDS = 20.0
+STOPS = 15.0
+"""When the encoder of the second joint stops, s."""
 
 
 @pytest.mark.parametrize("device", [pytest.param("embedded", id="embedded"), *FORTES])
 @pytest.mark.parametrize("name", ["six-axis", "servo-2r"])
 def test_an_arm_has_the_same_commands(name: str, device: str, tmp_path: Path) -> None:
-    """Also one whose drives take positions."""
+    """Also one whose drives take positions; and with an encoder that stops, for which a brake is engaged."""
     arm = arm_of(name)
     poses = Poses(drawn_poses(arm, 4, np.random.default_rng(5)).positions, 0.1, True)
     (tmp_path / "poses.toml").write_text(poses_text(poses))
@@ -48,10 +50,16 @@ def test_an_arm_has_the_same_commands(name: str, device: str, tmp_path: Path) ->
         with connected(lambda: BlockingClient(address, *layouts, PATIENCE)) as remote:
             controller = ChainController(len(arm), inputs(arm, usual_inertia(arm), Control(), poses))
             plant = ChainPlant(machine_of("nominal", arm), poses.positions[0])
+            positions = plant.read().tolist()
             for tick in range(round(SECONDS / arm.period)):
-                positions = plant.read().tolist()
+                stopped, positions = positions[1], plant.read().tolist()
+                if tick * arm.period > STOPS:
+                    positions[1] = stopped
                 command = controller.step(positions)
-                assert remote.exchange((*positions, 0)) == (*command, False), f"tick {tick}"
-                plant.apply(command)
+                answer = (*command, controller.grips, *controller.brakes)
+                assert remote.exchange((*positions, 0)) == answer, f"tick {tick}"
+                plant.apply(command, controller.brakes)
                 plant.advance()
     assert controller.pose > 0
+    assert controller.stop > 0
+    assert controller.brakes[1] is (arm.joints[1].brake is not None)

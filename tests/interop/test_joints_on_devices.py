@@ -78,8 +78,8 @@ def test_a_device_for_every_joint_gives_the_commands_of_one(acknowledged: bool, 
         for tick in range(round(SECONDS / arm.period)):
             positions = plant.read().tolist()
             command = controller.step(positions)
-            assert remote.exchange((*positions, 0)) == (*command, False), f"tick {tick}"
-            plant.apply(command)
+            assert remote.exchange((*positions, 0)) == (*command, False, *controller.brakes), f"tick {tick}"
+            plant.apply(command, controller.brakes)
             plant.advance()
             gone.add(controller.pose)
     assert len(gone) > 1

@@ -45,6 +45,7 @@ class JointCommands(msgspec.Struct, frozen=True, gc=False, tag_field="schema", t
         commands: what the drives are commanded, in their own units.
         target: desired positions at the sample, rad or m.
         gripped: whether the gripper is closed.
+        brakes: whether the holding brake of each joint is engaged; empty where none is.
     """
 
     sequence: Count
@@ -52,6 +53,7 @@ class JointCommands(msgspec.Struct, frozen=True, gc=False, tag_field="schema", t
     commands: Joints
     target: Joints
     gripped: bool = False
+    brakes: Annotated[tuple[bool, ...], msgspec.Meta(max_length=MOST_JOINTS)] = ()
 
 
 class JointTick(msgspec.Struct, frozen=True, gc=False):

@@ -22,8 +22,8 @@ from dtwin.terminal import printable
 from iec61499.deploy.system_file import system_text
 
 TYPES: Final = (
-    *("POSE_SEQUENCE", "CHAIN_JOINT", "JOINT_READING", "JOINT_OBSERVER", "JOINT_PATH", "JOINT_FEEDBACK"),
-    *("CHAIN_LINK", "JOINT_DRIVE", "SAFE_STOP"),
+    *("POSE_SEQUENCE", "CHAIN_JOINT", "JOINT_READING", "JOINT_OBSERVER", "JOINT_BRAKE", "JOINT_PATH"),
+    *("JOINT_FEEDBACK", "CHAIN_LINK", "JOINT_DRIVE", "SAFE_STOP"),
 )
 """The block types of the library that an application uses."""
 

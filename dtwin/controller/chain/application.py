@@ -21,8 +21,8 @@ import numpy as np
 from dtwin.arm.chain import Arm, Array, aligned
 from dtwin.arm.model import USUAL_OBSERVER, USUAL_POLE, ArmTuning
 from dtwin.arm.poses import Poses
-from dtwin.controller.chain.encoders import belief
-from dtwin.controller.chain.joints import WIDE, XYZ, drive, link, points, servo_gains
+from dtwin.controller.chain.encoders import DOUBTED, belief
+from dtwin.controller.chain.joints import WIDE, XYZ, brake, drive, link, points, servo_gains
 from dtwin.controller.ports import BLOCKS
 from iec61499 import model
 from iec61499.mapping import literal_of
@@ -49,7 +49,7 @@ LIBRARY: Final = BLOCKS
 _DEVICE: Final = "FORTE_PC"
 _RESOURCE: Final = "EMB_RES"
 _VERSION: Final = model.Version("1.0", "dtwin", "2026-11-27", "dtwin", "Made by dtwin fb make")
-_SHARED: Final = ("INDEX", "ELAPSED", "T", "RATE", "CHANGE", "OFF")
+_SHARED: Final = ("INDEX", "ELAPSED", "T", "RATE", "CHANGE", "OFF", "STANDING")
 """What SEQUENCE tells every joint."""
 _OUTWARD: Final = tuple(f"{what}{x}" for what in "WOA" for x in XYZ)
 _INWARD: Final = tuple(f"{what}{x}" for what in "FN" for x in XYZ)
@@ -95,10 +95,6 @@ class Control:
         return replace(self, pole=tuning.pole, observer=tuning.observer, speed=tuning.speed)
 
 
-DOUBTED: Final = 12.0
-"""Count of disbelieved readings of a joint beyond which the arm is stopped."""
-
-
 BLIND: Final = 0.03
 """Distance of a standing joint from its place, rad or m, beyond which an arm in doubt loses its torque."""
 
@@ -119,9 +115,9 @@ def joint_name(number: int) -> str:
 def messages(joints: int) -> tuple[Signature, Signature]:
     """Layouts of the messages to ARM, positions and the place of the box that waits, and of its answers.
 
-    An answer has the commands and whether the gripper is closed.
+    An answer has the commands, whether the gripper is closed, and whether the brake of each joint is engaged.
     """
-    return Signature([*[LREAL] * joints, DINT]), Signature([*[LREAL] * joints, BOOL])
+    return Signature([*[LREAL] * joints, DINT]), Signature([*[LREAL] * joints, BOOL, *[BOOL] * joints])
 
 
 ADJUSTED: Final = ("OFFSET", "STRENGTH", "FRICTION")
@@ -144,9 +140,9 @@ def network(joints: int, devices: Devices = "one") -> model.FBNetwork:
     blocks = [
         _server(
             ARM,
-            f"SERVER_{joints + 1}_{joints + 1}",
+            f"SERVER_{2 * joints + 1}_{joints + 1}",
             PORT,
-            "The arm: positions and boxes in, commands out",
+            "The arm: positions and boxes in, commands and brakes out",
             0.0,
             200.0,
         ),
@@ -254,6 +250,7 @@ def _data(names: list[str]) -> Iterator[model.Connection]:
     for k, name in enumerate(names):
         yield model.Connection(f"{ARM}.RD_{k + 1}", f"{name}.POSITION")
         yield model.Connection(f"{name}.COMMAND", f"{ARM}.SD_{k + 1}")
+        yield model.Connection(f"{name}.ENGAGED", f"{ARM}.SD_{len(names) + k + 2}")
         for number, what in enumerate(ADJUSTED, 1):
             yield model.Connection(f"{TWIN}.RD_{len(ADJUSTED) * k + number}", f"{name}.{what}")
         for shared in _SHARED:
@@ -273,6 +270,7 @@ def _data(names: list[str]) -> Iterator[model.Connection]:
         (f"{SEQUENCE}.GRIP", f"{ARM}.SD_{box}"),
         (f"{SEQUENCE}.LOAD", f"{last}.LOAD"),
         (f"{last}.FOLLOWING", f"{SEQUENCE}.FOLLOWING"),
+        (f"{last}.DOUBT", f"{SEQUENCE}.DOUBT"),
         (f"{last}.NEEDED", f"{SEQUENCE}.NEEDED"),
         (f"{SEQUENCE}.STANDING", f"{SWITCH}.G"),
         (f"{STOP}.STOP", f"{SEQUENCE}.STOP"),
@@ -366,6 +364,7 @@ def inputs(arm: Arm, inertia: Array, control: Control, poses: Poses | None) -> d
     for k in range(len(arm)):
         own = {**points(poses, k), **link(chain, k), **drive(arm, k, float(inertia[k]))}
         own |= {**belief(arm, k, float(inertia[k])), **_tuning(arm, k, float(inertia[k]), control), "TS": arm.period}
+        own |= brake(arm, k, DOUBTED)
         if not k:
             own |= {f"A{x}": float(-g) for x, g in zip(XYZ, arm.gravity, strict=True)}
         values |= {f"{joint_name(k)}.{name}": value for name, value in own.items()}

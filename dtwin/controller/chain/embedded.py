@@ -40,6 +40,7 @@ class ChainController:
     Attributes:
         resource: the running application, whose variables can be read and written between steps.
         grips: whether the gripper is closed since the last step.
+        brakes: whether the brake of each joint is engaged since then, (n,).
 
     Raises:
         FunctionBlockError: the library cannot be used, or a value is not of its input's type.
@@ -55,7 +56,8 @@ class ChainController:
         self._unstarted = self.resource.snapshot()
         self.resource.start()
         self._exchange, self._verdict, self._twin = (server.exchange for server in servers)
-        self.grips = False
+        self._joints = joints
+        self._release()
         names = [joint_name(k) for k in range(joints)]
         self._desired = [self.resource.reader((f"{name}.PATH.Q_D", f"{name}.PATH.QD_D")) for name in names]
         self._counted = [
@@ -71,7 +73,10 @@ class ChainController:
         for name, value in values.items():
             self.resource.write(name, value)
         self.resource.start()
-        self.grips = False
+        self._release()
+
+    def _release(self) -> None:
+        self.grips, self.brakes = False, (False,) * self._joints
 
     def check(self, problem: int) -> None:
         """Raises what blocks returned to machine code: FunctionBlockError, or CommunicationError if none answered."""
@@ -88,8 +93,10 @@ class ChainController:
         Raises:
             FunctionBlockError: a block failed. CommunicationError: the application did not answer.
         """
-        *commands, self.grips = self._exchange((*positions, box))
-        return tuple(commands)
+        n = self._joints
+        answer = self._exchange((*positions, box))
+        self.grips, self.brakes = bool(answer[n]), tuple(map(bool, answer[n + 1 :]))
+        return tuple(answer[:n])
 
     def judge(self, state: ArmState, confidence: float, release: bool = False) -> Stop:
         """Sends a verdict on the arm, its probability, and whether an operator releases it; returns the stop.

@@ -8,12 +8,16 @@ from typing import Any, Final
 from dtwin.arm.chain import Arm
 from dtwin.controller.chain.joints import WIDE
 
+DOUBTED: Final = 12.0
+"""Count of disbelieved readings of a joint beyond which the arm is stopped, and its brake engaged."""
 GATE: Final = 0.05
 """Distance by which an encoder may suddenly read too much or too little, rad or m, so that the arm works on."""
 _STEPS, _NOISES, _MOTION = 3.0, 10.0, 1e-3
 """What an encoder shows in any case: so many steps and deviations of its noise, and that motion, rad or m."""
 _HELD: Final = 4.0
 """Change of a torque, in parts of the dry friction, that friction twice as strong holds either way."""
+_PRESSED: Final = 0.2
+"""Time for which a joint may stand although its command has grown by what its dry friction holds either way, s."""
 _CARRIED: Final = 0.5
 """Torque that a gear carries at most for long, in parts of the largest one of its drive."""
 _LEAST: Final = 2.0
@@ -54,6 +58,7 @@ def belief(arm: Arm, k: int, inertia: float) -> dict[str, Any]:
         "AGAINST": WIDE if arm.servos else _TURNED * pushed + seen / period**2,
         "TURN": max(2.0 * step, noise) if noise > 0.0 else WIDE,
         "REPEATS": repeats(step, noise),
+        "PRESSES": ceil(_PRESSED / period),
         "NEAR": max(_STEPS * step, _RESTS),
     }
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import ceil
 from typing import Any, Final
 
 import numpy as np
@@ -94,6 +95,19 @@ def drive(arm: Arm, k: int, inertia: float) -> dict[str, Any]:
         "LOWER": max(joint.lower, -WIDE),
         "UPPER": min(joint.upper, WIDE),
     }
+
+
+def brake(arm: Arm, k: int, doubted: float) -> dict[str, Any]:
+    """The holding brake of a joint, as its data sheet has it.
+
+    Args:
+        arm: the arm.
+        k: number of the joint, from 0.
+        doubted: largest count of disbelieved readings with which its drive holds the joint in a stop.
+    """
+    fitted = arm.joints[k].brake
+    engage = 0 if fitted is None else ceil(fitted.delay / arm.period)
+    return {"FITTED": fitted is not None, "ENGAGE": engage, "DOUBT_LIMIT": doubted}
 
 
 def servo_gains(arm: Arm, k: int, inertia: float) -> tuple[float, float, float]:

@@ -11,6 +11,7 @@ import numpy as np
 from dtwin.arm.chain import Array
 from dtwin.emulation.chain.faults import ChainFault
 from dtwin.emulation.chain.joints.actuation import Actuation
+from dtwin.emulation.chain.joints.brakes import Brakes
 from dtwin.emulation.chain.joints.encoders import Encoders
 from dtwin.emulation.chain.joints.failing import Failing
 from dtwin.emulation.chain.joints.friction import JointFriction
@@ -52,6 +53,7 @@ class ChainPlant:
         self._encoders = Encoders(machine, seed)
         self._drives = Actuation(arm, self._model, late, start)
         self._friction = JointFriction(arm, self._model, self._gears, machine.friction)
+        self._brakes = Brakes(arm)
         self._failing = Failing(len(arm), faults)
         self._held = 0.0
         self._stepping: Stepping | None = None
@@ -78,7 +80,7 @@ class ChainPlant:
         Raises:
             NativeError: there is no C compiler.
         """
-        if self._failing or self._drives.servos or self._gears.elastic or STEP is None:
+        if self._failing or self._drives.servos or self._gears.elastic or self._friction.braked or STEP is None:
             return None
         if self._stepping is None:
             self._stepping = Stepping(self._model, self._data, STEPS, self._friction.of_gears)
@@ -142,9 +144,10 @@ class ChainPlant:
         self._model.body_mass[self._load] = mass  # to the bit, so that holding it on changes nothing
         self._model.body_subtreemass[: self._load + 1] += change  # all bodies of the chain hang on one another
 
-    def apply(self, commands: Sequence[float]) -> None:
-        """Commands the drives, (n,), in their own units, each within its limit.
+    def apply(self, commands: Sequence[float], brakes: Sequence[bool] = ()) -> None:
+        """Commands the drives, (n,), in their own units, each within its limit, and the holding brakes, (n,).
 
+        No brakes are released ones. A brake that a joint has not does not hold.
         Drives that are commanded a position have the encoders of their joints, with what these read too much.
         """
         self._drives.add(commands)
@@ -153,6 +156,7 @@ class ChainPlant:
             failing.update(self.time)
             self._friction.fail(failing)
             self._loaded(self._held + failing.load)
+        self._friction.brake(self._brakes.act(brakes or [False] * len(self._arm)), failing)
         torque, position = self._drives.act(failing)
         if self._drives.servos:
             self._data.ctrl[:] = position

@@ -28,6 +28,9 @@ _SO_FAST: Final = 0.5
 """Part of a speed from which on a joint slides as fast as that."""
 _STEPS: Final = 1e-3
 """Standard deviation of a position that steps of its encoder make, rad or m."""
+_NARROW: Final = 0.05
+"""Standard deviation of a position in parts of the joint's range, a whole turn at most, below which motion has shown
+but a part of it: designed poses have four times that."""
 _UNEXPLAINED: Final = 0.7
 """Part of the effort from which on what is left unexplained of held-out motion says that the model tells nothing."""
 
@@ -66,6 +69,13 @@ def moved(found: Identification, joint: int) -> bool:
     return max(slid(found, joint, sign * 0.1 * usual) for sign in (1.0, -1.0)) >= _SLID
 
 
+def narrow(found: Identification, joint: int) -> bool:
+    """Whether a joint has kept to a part of its range, so that its motion beyond that is not identified."""
+    sheet = found.arm.joints[joint]
+    reach = min(sheet.upper - sheet.lower, 2.0 * np.pi if sheet.turns else np.inf)
+    return bool(np.isfinite(reach) and found.design.scales[joint].travel < _NARROW * reach)
+
+
 def numbers(found: Identification) -> Iterator[Number]:
     """All numbers: gains, friction joint by joint, then bodies, then loads.
 
@@ -96,10 +106,11 @@ def _friction(found: Identification, joint: int) -> Iterator[Number]:
     used = found.found.used[place]
     largest = float(np.sqrt(np.mean(np.concatenate([rows.effort[:, joint] for rows in found.design.rows]) ** 2)))
     largest *= float(found.found.gain[joint])
+    rests = not moved(found, joint) or narrow(found, joint)
     for speed in (0.1 * scale.speed, -0.1 * scale.speed, scale.speed, -scale.speed):
         one = _sum(found, f"{name} friction at {speed:+.3g}", place, sliding(names, scale, speed) * used)
-        yield replace(one, told=one.told and one.half < largest and slid(found, joint, speed) >= _SLID)
-    rests = not moved(found, joint)
+        seen = not rests and slid(found, joint, speed) >= _SLID
+        yield replace(one, told=one.told and one.half < largest and seen)
     by_load = np.array([term.startswith("load") for term in names]) * used
     if by_load.any():
         one = _sum(found, f"{name} friction by load", place, by_load.astype(float))
@@ -110,11 +121,15 @@ def _friction(found: Identification, joint: int) -> Iterator[Number]:
 
 
 def doubts(found: Identification) -> list[str]:
-    """Sentences about what the numbers do not bear: joints that stood, and efforts that nothing explains."""
+    """Sentences about what the numbers do not bear: joints that stood, or kept to a part of their ranges, and efforts
+    that nothing explains."""
     said = []
     stood = [joint.name for k, joint in enumerate(found.arm.joints) if not moved(found, k)]
     if stood:
         said.append(f"hardly moved, so that nothing is told of their friction, rotors and gears: {', '.join(stood)}")
+    part = [joint.name for k, joint in enumerate(found.arm.joints) if moved(found, k) and narrow(found, k)]
+    if part:
+        said.append(f"kept to a small part of their ranges: motion beyond it is not identified: {', '.join(part)}")
     dark = [joint.name for k, joint in enumerate(found.arm.joints) if unclear(found, k)]
     if dark:
         said.append(f"more than {_UNEXPLAINED:.0%} of the effort is not explained by anything: {', '.join(dark)}")

@@ -150,7 +150,7 @@ class ChainStation:
         q, target, true = (tuple(each.tolist()) for each in (read, controller.desired()[0], plant.state[0]))
         self.log.append(Row(q, target, sent, true, controller.pose, box, controller.grips))
         self._grip(events)
-        plant.apply(sent)
+        plant.apply(sent, controller.brakes)
         plant.advance()
 
     def _grip(self, events: list[Event]) -> None:

@@ -62,8 +62,8 @@ class ChainTicks:
             box: place of the box that waits, from 1; 0 if none does.
 
         Returns:
-            The number of ticks done, and whether one more was answered, by which the gripper moves: it has rows, but
-            the plant has not got its command.
+            The number of ticks done, and whether one more was answered, by which the gripper moves or brakes are
+            engaged: it has rows, but the plant has not got its command.
 
         Raises:
             DivergenceError: the emulation left the finite numbers. FunctionBlockError: a block failed.
@@ -85,7 +85,8 @@ class ChainTicks:
             raise self._plant.lost()
         if found.problem > 0:
             self._controller.check(found.problem)
-        self._controller.grips = grips is not turns
+        if answered:
+            self._controller.grips, self._controller.brakes = found.gripped, found.brakes
         return answered - turns, turns
 
 

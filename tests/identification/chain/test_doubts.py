@@ -10,7 +10,7 @@ from dtwin.equations.rigid import regressor
 from dtwin.identification.chain.delay import delays
 from dtwin.identification.chain.identify import Identification, Sample, Settings, identify
 from dtwin.identification.chain.overlay import overlaid
-from dtwin.identification.chain.result import as_object, doubts, moved, numbers, slid
+from dtwin.identification.chain.result import as_object, doubts, moved, narrow, numbers, slid
 from dtwin.measurements.measurement import Measurement
 from dtwin.run.arm_cell import ArmCell
 from dtwin.run.chain import run
@@ -69,6 +69,22 @@ def test_friction_is_told_only_in_directions_in_which_the_joint_slid(arm: Arm) -
     assert slid(found, 0, -usual) == 0.0
     told = {row.name for row in numbers(found) if row.told and row.name.startswith("joint_1 friction")}
     assert not [name for name in told if " at -" in name]
+
+
+def test_a_joint_that_kept_to_a_part_of_its_range_is_named(arm: Arm) -> None:
+    """Its friction and rotor were seen there alone."""
+    plain = measured(arm, 25.0, 1, noise=0.01)
+    assert plain.v is not None
+    q, v = plain.q.copy(), plain.v.copy()
+    share = 0.1 / q[:, 2].std()
+    q[:, 2], v[:, 2] = share * q[:, 2], share * v[:, 2]
+    torque = regressor(arm, q, v, np.gradient(v, 0.01, axis=0)) @ arm.parameters + 2.0 * np.tanh(v / 0.02) + 1.5 * v
+    log = replace(plain, q=q, v=v, effort=torque + 0.01 * np.random.default_rng(2).normal(size=torque.shape))
+    bounded = replace(arm, joints=tuple(replace(joint, lower=-1.5, upper=1.5) for joint in arm.joints))
+    found = identify(bounded, [Sample(log)], Settings(groups=("rotor",)))
+    assert [narrow(found, joint) for joint in range(3)] == [False, False, True]
+    assert doubts(found) == ["kept to a small part of their ranges: motion beyond it is not identified: joint_3"]
+    assert not [row.name for row in numbers(found) if row.told and row.name.startswith("joint_3 ")]
 
 
 def test_an_effort_that_is_noise_is_named(arm: Arm) -> None:

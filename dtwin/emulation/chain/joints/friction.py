@@ -38,8 +38,10 @@ class JointFriction:
         self._coulomb = np.array([joint.friction.coulomb for joint in arm.joints])
         self._share = np.array([joint.friction.load for joint in arm.joints])
         self._damping = np.array(model.dof_damping[gears.motor])
-        self._impedance = np.array(model.dof_solimp[: len(arm), :2])
+        self._impedance = np.array(model.dof_solimp[:, :2])
+        self._motors = np.arange(model.nv)[gears.motor]
         self._dry = dry
+        self._braked: Array = np.zeros(len(arm))
         self.loaded = bool(dry and self._share.any())
         if dry:
             model.dof_frictionloss[gears.motor] = self._coulomb
@@ -53,8 +55,25 @@ class JointFriction:
     def fail(self, failing: Failing) -> None:
         """Lets faults change viscous friction, and how stiffly a joint is held that is locked."""
         self._model.dof_damping[self._gears.motor] = self._damping * failing.friction
-        held = failing.locked
-        self._model.dof_solimp[: len(held), :2] = np.where(held[:, None], _RIGID, self._impedance)
+        self._hold(failing)
+
+    def brake(self, torque: Array, failing: Failing) -> None:
+        """Lets brakes hold the motors with torques, (n,), N m or N; 0 where one is released."""
+        if not np.array_equal(torque, self._braked):
+            self._braked = torque
+            self._model.dof_frictionloss[self._motors] = torque + (self._coulomb if self._dry else 0.0)
+            self._hold(failing)
+
+    def _hold(self, failing: Failing) -> None:
+        """Lets joints that are locked, and motors whose brakes hold, not creep."""
+        self._model.dof_solimp[:, :2] = self._impedance
+        held = *self._motors[self._braked > 0.0], *np.flatnonzero(failing.locked)
+        self._model.dof_solimp[held, :2] = _RIGID
+
+    @property
+    def braked(self) -> bool:
+        """Whether a brake holds a joint."""
+        return bool(self._braked.any())
 
     def every_step(self, failing: Failing) -> bool:
         """Whether dry friction is another one in each integration step."""
@@ -66,6 +85,7 @@ class JointFriction:
         if self._dry:
             carried = self._gears.carried(data, self._rotor)
             loss = failing.friction * (self._coulomb + self._share * carried)
+        loss = loss + self._braked
         dry = self._model.dof_frictionloss
         if self._gears.elastic:
             dry[:] = 0.0
