@@ -53,7 +53,8 @@ def _brakes(arm: Arm) -> list[str]:
     held = [f"{name} {brake.torque:g} after {1e3 * brake.delay:g} ms" for name, brake in fitted.items()]
     found = [f"brakes, N m or N: {', '.join(held)}"] if held else []
     if bare and not arm.servos:
-        found.append(f"without a brake (`brake`), falls without torque: {', '.join(bare) if held else 'every joint'}")
+        whose = ", ".join(bare) if held else "every joint"
+        found.append(f"without a brake (`brake`), so that nothing holds it without torque: {whose}")
     return found
 
 
