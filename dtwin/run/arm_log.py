@@ -2,42 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from dtwin.arm.chain import Arm, Array
+from dtwin.arm.chain import Arm
 from dtwin.arm.effort import unladen
+from dtwin.arm.samples import Samples
 from dtwin.errors import RecordingError, choices
 from dtwin.files import reason_of
 from dtwin.run.chain import EFFORTS, GRIPPED
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ArmLog:
-    """A log, a row for each tick.
+def read_arm_log(path: Path, arm: Arm) -> Samples:
+    """Reads the log of an arm, a row for each tick; without a column `gripped` its gripper was open all the time.
 
-    Attributes:
-        t: times, (N,), s.
-        q: what the encoders read, (N, n), rad or m.
-        target: desired positions, (N, n).
-        effort: what acts at the samples, (N, n), in the units of the drives; NaN where the gripper is closed, as
-            nobody knows what it holds.
-        acting: the same, also there.
-    """
-
-    t: Array
-    q: Array
-    target: Array
-    effort: Array
-    acting: Array
-
-
-def read_arm_log(path: Path, arm: Arm) -> ArmLog:
-    """Reads the log of an arm; without a column `gripped` its gripper was open all the time.
+    Nobody knows what the arm carries where its gripper is closed.
 
     Raises:
         RecordingError: it cannot be read, has other columns, a gap, or a value that is no finite number.
@@ -77,4 +59,4 @@ def read_arm_log(path: Path, arm: Arm) -> ArmLog:
     if gaps.any():
         row = int(np.argmax(gaps)) + 2
         raise RecordingError(f"{path}: row {row}: t: expected {arm.period:g} s after the row before")
-    return ArmLog(t[:, 0], q, target, unladen(effort, gripped[:, 0] != 0.0), effort)
+    return Samples(t[:, 0], q, target, unladen(effort, gripped[:, 0] != 0.0), effort)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from dtwin.arm.chain import Arm, Array, Commanded, holding, servo_torque
 from dtwin.arm.effort import effort_of, unladen
 from dtwin.arm.poses import Poses, ranges
+from dtwin.arm.samples import Samples
 from dtwin.arm.sorting import Sorting
 from dtwin.controller.chain.application import Control, inputs
 from dtwin.controller.chain.embedded import ChainController
@@ -136,6 +137,11 @@ class ChainRun:
     def unladen(self) -> Array:
         """The same without what acts while the gripper is closed, as nobody knows what it holds: NaN."""
         return unladen(self.effort, self.gripped)
+
+    @property
+    def samples(self) -> Samples:
+        """What a monitor is told of the run."""
+        return Samples(self.t, self.q, self.target, self.unladen, self.effort)
 
     def measurement(self) -> Measurement:
         """What a log of the run tells: positions, effort, desired positions, and when the gripper was closed."""

@@ -126,8 +126,7 @@ def arm_faults(
 
 def monitored(settings: ChainSettings) -> Learning:
     """What the monitor of a running cell has come to at the end of a run."""
-    ran = run(settings)
-    return passed(settings.arm, ran.t, ran.q, ran.target, ran.unladen, acting=ran.effort)
+    return passed(settings.arm, run(settings).samples)
 
 
 def drawn_fault(arm: Arm, kind: Kind, generator: np.random.Generator, healthy: float) -> ChainFault:

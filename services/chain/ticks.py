@@ -8,6 +8,7 @@ import numpy as np
 
 from dtwin.arm.chain import Arm, Array
 from dtwin.arm.effort import BEFORE, ahead, effort_of, unladen
+from dtwin.arm.samples import Samples
 from dtwin.bus.chain.messages import JointTick
 
 BRIDGED: Final = 10
@@ -58,18 +59,15 @@ class Rows:
         self._rows.append(_row(tick))
         return -1 if gap < 1 else gap - 1 if gap > BRIDGED else 0
 
-    def drain(self) -> tuple[Array, Array, Array, Array, Array]:
-        """The rows since the last call: times, readings, targets, and what acted; (N,) and (N, n).
-
-        What acted comes twice: as far as it is known what the arm carries, NaN else, and in any case.
-        """
+    def drain(self) -> Samples:
+        """The samples since the last call."""
         first, last = self._passed, self._passed + len(self)
         t, q, target, sent, gripped = (np.array(column) for column in zip(*self._rows, strict=True))
         acting = effort_of(self._arm, q, sent, self._late)
         effort = unladen(acting, gripped)
         gone = max(0, last - self._late - BEFORE)
         self._rows, self._passed = self._rows[gone:], last - gone
-        return t[first:last], q[first:last], target[first:last], effort[first:last], acting[first:last]
+        return Samples(t, q, target, effort, acting).rows(slice(first, last))
 
 
 def _row(tick: JointTick) -> _Row:

@@ -116,10 +116,16 @@ def test_a_push_changes_nothing() -> None:
 
 
 @pytest.mark.parametrize(
-    ("arm", "kind"), [("planar-2r", "K"), ("planar-2r", "bias"), ("planar-2r", "lock"), ("servo-2r", "friction")]
+    ("arm", "kind", "machine"),
+    [
+        ("planar-2r", "K", 3900),
+        ("planar-2r", "bias", 3900),
+        ("planar-2r", "lock", 3901),
+        ("servo-2r", "friction", 3900),
+    ],
 )
-def test_a_fault_of_a_drawn_machine_is_found_and_answered(arm: str, kind: Kind) -> None:
-    case = recovery_case(arm, 3900, np.random.default_rng([3900, 5]), kind)
+def test_a_fault_of_a_drawn_machine_is_found_and_answered(arm: str, kind: Kind, machine: int) -> None:
+    case = recovery_case(arm, machine, np.random.default_rng([machine, 5]), kind)
     assert case.right
     assert not case.early
     assert case.steps[0].answer.measure == MEASURES[kind]
@@ -172,7 +178,7 @@ def test_an_arm_that_sorts_is_known_by_what_it_does_without_a_box() -> None:
     ran = run(sorting(cell, drawn_task(cell.arm, 7001)))
     assert ran.boxes is not None
     assert ran.boxes.delivered > 10
-    found = [passed(cell.arm, ran.t, ran.q, ran.target, effort) for effort in (ran.effort, ran.unladen)]
+    found = [passed(cell.arm, samples) for samples in (ran.samples._replace(effort=ran.effort), ran.samples)]
     assert [each.watch is not None and each.watch.finding is None for each in found] == [False, True]
 
 

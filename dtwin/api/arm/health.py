@@ -65,16 +65,16 @@ def monitor_arm(
         raise ParameterError(f"healthy: expected at least {LEAST_HEALTHY:g} s, got {healthy:g}")
     known = arm_of(str(arm))
     record = None if commissioned is None else read_arm_record(Path(commissioned), known)
-    rows = read_arm_log(Path(log), known)
+    samples = read_arm_log(Path(log), known)
     if record is not None:
-        watch = judged(record, known, (rows.t, rows.q, rows.target, rows.effort, rows.acting))
+        watch = judged(record, known, samples)
     else:
         try:
-            watch = acquainted(known, rows.t, rows.q, rows.target, rows.effort, healthy, rows.acting)
+            watch = acquainted(known, samples, healthy)
         except RecordingError as error:
             raise RecordingError(f"{log}: {error} (healthy)") from None
     learned = healthy if record is None else record.seconds
-    begin, end = float(rows.t[0]), float(rows.t[-1])
+    begin, end = float(samples.t[0]), float(samples.t[-1])
     return ArmMonitored(known, learned, end - begin, end, watch.finding, watch.hidden())
 
 
@@ -95,11 +95,11 @@ def commission_arm(log: AnyPath, arm: AnyPath, *, out: AnyPath | None = None) ->
     if out is not None:
         ensure_writable(Path(out), ".json")
     known = arm_of(str(arm))
-    rows = read_arm_log(Path(log), known)
-    seconds = float(rows.t[-1] - rows.t[0])
+    samples = read_arm_log(Path(log), known)
+    seconds = float(samples.t[-1] - samples.t[0])
     try:
-        healthy = (int(np.isfinite(rows.effort[:, 0]).sum()) - 1.5) * known.period  # all of it but the last sample
-        watch = acquainted(known, rows.t, rows.q, rows.target, rows.effort, healthy, rows.acting)
+        healthy = (int(np.isfinite(samples.effort[:, 0]).sum()) - 1.5) * known.period  # all of it but the last sample
+        watch = acquainted(known, samples, healthy)
     except RecordingError as error:
         raise RecordingError(f"{log}: {error}") from None
     record = record_of(watch, known, round(seconds, 6))

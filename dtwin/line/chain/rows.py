@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dtwin.arm.chain import Array
 from dtwin.arm.effort import BEFORE, ahead, effort_of, unladen
+from dtwin.arm.samples import Samples
 from dtwin.run.chain import ChainRun, ChainSettings
 
 
@@ -32,24 +32,6 @@ class Row(NamedTuple):
     pose: int
     box: int = 0
     gripped: bool = False
-
-
-class Stretch(NamedTuple):
-    """Ticks one after the other.
-
-    Attributes:
-        t: times of the samples, (N,), s.
-        q: what the encoders read, (N, n).
-        target: desired positions, (N, n).
-        effort: what acts at the samples, (N, n), in the units of the drives; NaN while the gripper is closed.
-        acting: the same, also there.
-    """
-
-    t: Array
-    q: Array
-    target: Array
-    effort: Array
-    acting: Array
 
 
 class ArmRows:
@@ -90,7 +72,7 @@ class ArmRows:
         del self._rows[:gone]
         self.forgotten += gone
 
-    def since(self, first: int) -> Stretch:
+    def since(self, first: int) -> Samples:
         """The ticks from a number on, with what acted, which depends on those before them.
 
         Where it depends on the tick after as well (`dtwin.arm.effort.ahead`), these are the ticks from one earlier on
@@ -106,7 +88,7 @@ class ArmRows:
         effort = unladen(acting, np.array([row.gripped for row in rows], dtype=bool))
         t = np.arange(first, max(first, len(self) - later), dtype=np.float64) * settings.arm.period
         known = slice(before, before + len(t))
-        return Stretch(t, q[known], target[known], effort[known], acting[known])
+        return Samples(t, *(each[known] for each in (q, target, effort, acting)))
 
     def run(self) -> ChainRun:
         """The same as a run of the arm alone."""

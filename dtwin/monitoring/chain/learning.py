@@ -7,13 +7,13 @@ would tell as a fault there the arm has just not done before; what follows the s
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
 
 from dtwin.arm.adjustment import Adjustment
 from dtwin.arm.chain import Arm, Array
+from dtwin.arm.samples import Samples
 from dtwin.errors import RecordingError
 from dtwin.monitoring.chain.drives import LATER
 from dtwin.monitoring.chain.finding import ChainFinding
@@ -22,7 +22,7 @@ from dtwin.monitoring.settings import LEAST_HEALTHY
 
 _ROUND: Final = 10.0
 """Times that are asked for are multiples of it, s."""
-_AT_ONCE: Final = 20
+AT_ONCE: Final = 20
 """Samples of a log that are judged at once: as few as beside a running cell, since what follows a suspicion that is
 taken back is not judged in what came together with it."""
 LONGER: Final = 4.0
@@ -127,40 +127,28 @@ class Learning:
         return watch
 
 
-def acquainted(
-    arm: Arm,
-    t: Array,
-    q: Array,
-    target: Array,
-    effort: Array,
-    healthy: float = HEALTHY,
-    acting: Array | None = None,
-) -> FirstFault:
+def acquainted(arm: Arm, samples: Samples, healthy: float = HEALTHY) -> FirstFault:
     """Who knows an arm from the healthy stretch at the beginning of a log, and has looked at the rest of it.
 
     Args:
         arm: the arm as its data sheet says.
-        t: times of the samples, (N,), s, a period of the arm apart.
-        q: what the encoders read, (N, n), rad or m.
-        target: desired positions, (N, n).
-        effort: what acts at the samples, (N, n), in the units of the drives; NaN where nobody knows what it carries.
+        samples: those of the log.
         healthy: time from the beginning in which the arm is healthy, s.
-        acting: see `FirstFault.follow`.
 
     Raises:
         RecordingError: the log is not longer than that, or what the arm does in it does not suffice to know the arm.
     """
     if not LEAST_HEALTHY <= healthy < math.inf:
         raise RecordingError(f"expected a healthy stretch of at least {LEAST_HEALTHY:g} s, got {healthy:g} s")
-    known = int(np.isfinite(effort).all(axis=-1).sum())
+    known = int(np.isfinite(samples.effort).all(axis=-1).sum())
     seconds = max(known - 1, 0) * arm.period
     if not seconds > healthy:
-        how = "" if known == len(t) else " with an open gripper"
+        how = "" if known == len(samples.t) else " with an open gripper"
         raise RecordingError(
             f"expected a log of more than {healthy:g} s{how}, in which the arm is learned, got {seconds:g} s"
         )
     learning = Learning(arm, healthy)
-    for part in _parts(t, q, target, effort, acting):
+    for part in samples.parts(AT_ONCE):
         learning.follow(*part)
         if learning.doubt is not None:
             raise RecordingError(
@@ -172,30 +160,14 @@ def acquainted(
     return learning.watch
 
 
-def passed(
-    arm: Arm,
-    t: Array,
-    q: Array,
-    target: Array,
-    effort: Array,
-    healthy: float = HEALTHY,
-    acting: Array | None = None,
-) -> Learning:
+def passed(arm: Arm, samples: Samples, healthy: float = HEALTHY) -> Learning:
     """What the monitor of a running cell comes to whom the samples of a log have passed: see `acquainted`.
 
     Where the healthy stretch does not suffice, it learns for longer, as `Learning` says.
     """
     learning = Learning(arm, healthy)
-    for part in _parts(t, q, target, effort, acting):
+    for part in samples.parts(AT_ONCE):
         learning.follow(*part)
     if learning.watch is not None:
         learning.watch.end()
     return learning
-
-
-def _parts(
-    t: Array, q: Array, target: Array, effort: Array, acting: Array | None
-) -> Iterator[tuple[Array, Array, Array, Array, Array | None]]:
-    for first in range(0, len(t), _AT_ONCE):
-        part = slice(first, first + _AT_ONCE)
-        yield t[part], q[part], target[part], effort[part], None if acting is None else acting[part]

@@ -7,16 +7,16 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from dtwin.arm.chain import Arm, Array
+from dtwin.arm.chain import Arm
+from dtwin.arm.samples import Samples
 from dtwin.errors import RecordingError
 from dtwin.files import reason_of, replacing
 from dtwin.monitoring.chain.drives import Drives
 from dtwin.monitoring.chain.encoders import Habits
+from dtwin.monitoring.chain.learning import AT_ONCE
 from dtwin.monitoring.chain.sequential import FirstFault
 
 SCHEMA = "dtwin arm commissioned 1"
-_AT_ONCE = 20
-"""Samples that are judged at once, as beside a running cell: a suspicion that is dropped drops what came with it."""
 Numbers = tuple[float, ...]
 
 
@@ -82,16 +82,15 @@ class ArmRecord(msgspec.Struct, frozen=True):
         return FirstFault.knowing(arm, drives, self.habits)
 
 
-def judged(record: ArmRecord, arm: Arm, rows: tuple[Array, Array, Array, Array, Array]) -> FirstFault:
-    """Who knows the arm of a record, after a log: rows as `FirstFault.follow` takes them.
+def judged(record: ArmRecord, arm: Arm, samples: Samples) -> FirstFault:
+    """Who knows the arm of a record, after the samples of a log.
 
     Raises:
         RecordingError: the record is of another arm.
     """
     watch = record.watch(arm)
-    for first in range(0, len(rows[0]), _AT_ONCE):
-        t, q, target, effort, acting = (row[first : first + _AT_ONCE] for row in rows)
-        watch.follow(t, q, target, effort, acting)
+    for part in samples.parts(AT_ONCE):
+        watch.follow(*part)
         if watch.settled:
             break
     watch.end()

@@ -21,7 +21,7 @@ def test_a_jump_that_drives_answer_is_found_in_a_log(text: str) -> None:
     for k in range(0, len(ran.t), 20):
         part = slice(k, k + 20)
         watch.follow(ran.t[part], ran.q[part], ran.target[part], ran.effort[part])
-    found = acquainted(settings.arm, ran.t, ran.q, ran.target, ran.effort, HEALTHY).finding
+    found = acquainted(settings.arm, ran.samples, HEALTHY).finding
     assert watch.finding is not None
     assert found is not None
     assert (found.cause, found.size) == (watch.finding.cause, pytest.approx(watch.finding.size))

@@ -40,7 +40,7 @@ def test_a_monitor_learns_for_longer_where_half_of_the_stretch_does_not_foretell
     """The words are those with which a log is refused; with what it learns then it tells nothing false."""
     ran = run(LATE_WRIST)
     with pytest.raises(RecordingError, match="expected at least 30 s") as refused:
-        acquainted(LATE_WRIST.arm, ran.t, ran.q, ran.target, ran.effort, 20.0)
+        acquainted(LATE_WRIST.arm, ran.samples, 20.0)
     words = str(refused.value).partition("; expected")[0]
     assert words.startswith("the first 20 s do not suffice to know the arm: who knows half of them would tell 10.1")
     monitor = ArmMonitor(LATE_WRIST.arm, 20.0)
@@ -58,7 +58,7 @@ def test_a_monitor_learns_for_longer_where_half_of_the_stretch_does_not_foretell
         ]
         assert monitor.history == []
         assert monitor.healthy == 40.0
-    whole = passed(LATE_WRIST.arm, *rows_of(ran), 20.0)
+    whole = passed(LATE_WRIST.arm, ran.samples, 20.0)
     assert whole.until == 40.0
     assert whole.watch is not None
     assert whole.watch.finding is None
@@ -90,14 +90,13 @@ def test_a_monitor_that_knows_the_record_finds_from_the_first_sample_on_what_one
 ) -> None:
     ran = run(replace(PLANAR, faults=(parse_chain_fault(fault, 2),) if fault else ()))
     known = round(30.0 / PLANAR.arm.period)
-    t, q, target, effort = (rows[:known] for rows in rows_of(ran))
-    record = record_of(acquainted(PLANAR.arm, t, q, target, effort, 29.9), PLANAR.arm, 29.9)
+    record = record_of(acquainted(PLANAR.arm, ran.samples.rows(slice(known)), 29.9), PLANAR.arm, 29.9)
     write_arm_record(record, tmp_path / "arm.json")
     watch = read_arm_record(tmp_path / "arm.json", PLANAR.arm).watch(PLANAR.arm)
     assert watch.learned
     watch.follow(ran.t[known:], ran.q[known:], ran.target[known:], ran.effort[known:])
     watch.end()
-    told = acquainted(PLANAR.arm, ran.t, ran.q, ran.target, ran.effort, 29.9).finding
+    told = acquainted(PLANAR.arm, ran.samples, 29.9).finding
     if not fault:
         assert told is watch.finding is None
         return
@@ -112,7 +111,7 @@ def test_intervals_of_what_is_recorded_hold_what_the_machine_has() -> None:
     """Friction and rotors of an arm whose drives are the data sheet's, so that torques are known."""
     settings = ArmCell(arm="planar-2r", machine="nominal").settings(60.0, 5)
     ran = run(settings)
-    watch = acquainted(settings.arm, ran.t, ran.q, ran.target, ran.effort, 59.0)
+    watch = acquainted(settings.arm, ran.samples, 59.0)
     record = record_of(watch, settings.arm, 59.0)
     deviations = np.sqrt(np.diag(np.array(record.covariance)))[22:26]
     truth = [joint.friction.viscous for joint in settings.arm.joints]

@@ -24,7 +24,7 @@ SETTINGS: ChainSettings = ArmCell(arm="planar-2r", machine="2302").settings(BEGI
 def found(*faults: str) -> ChainFinding | None:
     parsed = tuple(parse_chain_fault(fault, 2) for fault in faults)
     ran = run(replace(SETTINGS, faults=parsed))
-    return acquainted(SETTINGS.arm, ran.t, ran.q, ran.target, ran.effort, HEALTHY).finding
+    return acquainted(SETTINGS.arm, ran.samples, HEALTHY).finding
 
 
 def test_nothing_is_found_in_a_healthy_log() -> None:
@@ -52,7 +52,7 @@ def test_a_fault_is_noticed_soon_and_its_cause_is_among_those_that_are_told(faul
 
 def test_a_monitor_that_takes_samples_as_they_come_finds_what_is_found_in_the_whole_log() -> None:
     ran = run(replace(SETTINGS, faults=(parse_chain_fault("K1*=0.8@38", 2),)))
-    told = acquainted(SETTINGS.arm, ran.t, ran.q, ran.target, ran.effort, HEALTHY).finding
+    told = acquainted(SETTINGS.arm, ran.samples, HEALTHY).finding
     monitor = ArmMonitor(SETTINGS.arm, HEALTHY)
     states = []
     for first in range(0, len(ran.t), 17):
@@ -110,7 +110,7 @@ def test_a_monitor_goes_on_after_a_push_and_after_samples_that_are_missing() -> 
 def test_a_log_that_ends_with_what_is_learned_is_refused() -> None:
     ran = run(replace(SETTINGS, duration=HEALTHY))
     with pytest.raises(RecordingError, match="expected a log of more than 30 s, in which the arm is learned, got"):
-        acquainted(SETTINGS.arm, ran.t, ran.q, ran.target, ran.effort, HEALTHY)
+        acquainted(SETTINGS.arm, ran.samples, HEALTHY)
 
 
 def test_the_command_tells_the_fault_of_a_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -161,9 +161,9 @@ def test_a_healthy_stretch_too_short_for_the_work_is_refused(
 
 
 def test_what_no_encoder_can_be_off_by_is_not_told_as_what_would_have_been_seen() -> None:
-    settings = ArmCell(arm="six-axis").settings(28.0, 3)
+    settings = ArmCell(arm="six-axis", machine="nominal").settings(28.0, 3)
     ran = run(settings)
-    hidden = acquainted(settings.arm, ran.t, ran.q, ran.target, ran.effort, 25.0).hidden()
+    hidden = acquainted(settings.arm, ran.samples, 25.0).hidden()
     assert hidden["bias6"] == np.inf
     assert 0.0 < hidden["bias5"] < 1.0
 
