@@ -265,10 +265,11 @@ def _draw_zone(drawing: _Drawing, line: Line, zone: ZonePlan) -> None:
     drawing.wires(dispatch, plant, {"ORDERS": "SD_1", "NUMBER": "SD_2"})
     drawing.wires(setup, dispatch, {f"RD_{k}": f"S{k}" for k in range(1, MOST_OPERATIONS + 1)})
     drawing.wires(dispatch, setup, {"SETUPS": "SD_1", "NUMBER": "SD_2"})
+    blocks = _ZoneBlocks(device, plant, tracking, dispatch, router)
     for k, vehicle in enumerate(zone.vehicles, 1):
-        _draw_vehicle(drawing, zone, k, vehicle, _ZoneBlocks(device, plant, tracking, dispatch, router))
+        _draw_vehicle(drawing, zone, k, vehicle, blocks)
     for k, station in enumerate(zone.stations, 1):
-        _draw_station(drawing, line, k, station, _ZoneBlocks(device, plant, tracking, dispatch, router))
+        _draw_station(drawing, line, k, station, blocks)
 
 
 def _draw_vehicle(drawing: _Drawing, zone: ZonePlan, k: int, vehicle: VehiclePlan, blocks: _ZoneBlocks) -> None:

@@ -54,7 +54,7 @@ class Identified:
         fit: 1 - rms of what is not explained / standard deviation, of the effort on held-out motion, (n,).
         inside: for every number that the data tell and whose truth is known, whether its 95 % interval holds it.
         seconds: time that the identification took, s.
-        dark: joints of which it says that motion beyond that of the log is not identified, (n,).
+        excepted: joints of which it says that motion beyond that of the log is not identified, (n,).
         peer: mujoco.sysid on the same motion; None if it was not asked.
     """
 
@@ -62,7 +62,7 @@ class Identified:
     fit: Array
     inside: dict[str, bool]
     seconds: float
-    dark: Array
+    excepted: tuple[bool, ...]
     peer: Peer | None = None
 
 
@@ -81,10 +81,10 @@ class ArmsResult:
         return np.array([one.fit for one in self.machines])
 
     @property
-    def least_fit(self) -> float:
-        """Least held-out fit of a joint that counts as identified; 1 if none does."""
-        dark = np.array([one.dark for one in self.machines], dtype=bool)
-        return float(np.where(dark, 1.0, self.fit).min())
+    def least_identified(self) -> float:
+        """Least held-out fit of a joint that the identification does not except; 1 if it excepts all."""
+        excepted = np.array([one.excepted for one in self.machines])
+        return float(np.where(excepted, 1.0, self.fit).min())
 
     @property
     def coverage(self) -> float:
@@ -155,8 +155,8 @@ def _identified(arm: Arm, settings: ChainSettings, number: int, peer: bool) -> I
     if peer:
         sysid = Sysid(arm, [measured], found.found.gain, found.design.scales, found.design.filtering)
         other = Peer(unexplained(*sysid.predicted(judging)) / left, sysid.seconds / took)
-    dark = np.array([narrow(found, k) or not moved(found, k) for k in range(len(arm))], dtype=float)
-    return Identified(number, 1.0 - left, inside, took, dark, other)
+    excepted = tuple(narrow(found, k) or not moved(found, k) for k in range(len(arm)))
+    return Identified(number, 1.0 - left, inside, took, excepted, other)
 
 
 def _truth(arm: Arm, found: Identification) -> Iterator[tuple[str, float]]:
@@ -182,8 +182,9 @@ def arms_figures(result: ArmsResult) -> dict[str, Any]:
         "arm": result.arm.name,
         "machines": [one.machine for one in result.machines],
         "fit": result.fit.tolist(),
-        "least_fit": result.least_fit,
-        "not_identified": [one.dark.astype(bool).tolist() for one in result.machines],
+        "least_fit": float(result.fit.min()),
+        "least_identified": result.least_identified,
+        "not_identified": [list(one.excepted) for one in result.machines],
         "coverage": result.coverage,
         "coverage_error": result.coverage_error,
         "intervals": sum(len(one.inside) for one in result.machines),
@@ -204,7 +205,7 @@ def arms_report(result: ArmsResult) -> Report:
     for one in result.machines:
         held = f"{sum(one.inside.values())} of {len(one.inside)}"
         fits = " | ".join(
-            f"({fit:.4f})" if dark else f"{fit:.4f}" for fit, dark in zip(one.fit, one.dark, strict=True)
+            f"({fit:.4f})" if excepted else f"{fit:.4f}" for fit, excepted in zip(one.fit, one.excepted, strict=True)
         )
         rows.append(f"| {one.machine} | {fits} | {held} | {one.seconds:.1f} |")
     motion = f"one motion through {len(result.poses.positions)} designed poses"
@@ -216,9 +217,10 @@ def arms_report(result: ArmsResult) -> Report:
         "The fit is 1 - rms of the unexplained effort / its standard deviation. In brackets are joints of which the "
         "identification says that they kept to a part of their ranges, so that other motion is not identified."
     )
-    least, coverage = result.least_fit, result.coverage
+    least, coverage = float(result.fit.min()), result.coverage
     told = (
-        f"Least fit of a joint that counts as identified {least:.4f} (asked: {ASKED_FIT}); {coverage:.1%} +- "
+        f"Least fit of a joint {least:.4f} (asked: {ASKED_FIT}), without those in brackets "
+        f"{result.least_identified:.4f}; {coverage:.1%} +- "
         f"{result.coverage_error:.1%} of the 95 % intervals hold the truth (standard error between machines, as "
         "numbers of one depend on each other)."
     )

@@ -121,6 +121,10 @@ def test_a_push_changes_nothing() -> None:
         ("planar-2r", "K", 3900),
         ("planar-2r", "bias", 3900),
         ("planar-2r", "lock", 3901),
+        pytest.param(
+            *("planar-2r", "lock", 3900),
+            marks=pytest.mark.xfail(strict=True, reason="an offset of the other joint is answered before the lock"),
+        ),
         ("servo-2r", "friction", 3900),
     ],
 )
