@@ -144,13 +144,16 @@ class Guard:
 
     def _takes_otherwise(self, station: str, time: float) -> list[str]:
         """That an arm has become slower, or faster, since it was told so last, whatever is wrong with it."""
-        slowness = self._nodes[station].slowness
+        node = self._nodes[station]
+        slowness = node.slowness
         before = self._slowness.setdefault(station, slowness)
         if slowness == 1.0 or station in self.stopped or abs(slowness - before) <= OTHERWISE:
             return []
         self._slowness[station] = slowness
         words = f"takes {slowness:.2f} times as long to bring a box as at first"
-        self._note(Decision(time, f"twin of {station}", "finding", f"it {words}; why is not known", station))
+        why = f"it {words}; why is not known"
+        node.capability = node.capability.slowed(why if slowness > 1.0 + OTHERWISE else "")
+        self._note(Decision(time, f"twin of {station}", "finding", why, station))
         return [f"{station} {words}"]
 
     def _tell_unexplained(self, station: str, stop: int, time: float) -> None:
