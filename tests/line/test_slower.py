@@ -226,6 +226,19 @@ def test_a_stop_that_nothing_explains_is_told_as_such_once(explained: bool, monk
         assert "released" in notes[-1].why
 
 
+def test_what_is_found_again_and_again_is_told_once_until_the_arm_is_repaired() -> None:
+    notes: list[Decision] = []
+    nothing = lambda *words: None  # noqa: E731
+    hands = Hands(nothing, nothing, lambda station: (), nothing, lambda station: 0, notes.append)
+    guard = Guard({"a2": FakeNode(SOME)}, "propose", hands)
+    for second in range(5):
+        guard.look("a2", None, HOLDING, 0, 10.0 + second)
+    assert [note.what for note in notes] == ["finding", "proposal"]
+    guard.repaired("a2", 20.0, "ada", "mended")
+    guard.look("a2", None, HOLDING, 0, 21.0)
+    assert [note.what for note in notes] == ["finding", "proposal", "repair", "finding", "proposal"]
+
+
 def test_an_arm_gets_other_settings_between_two_boxes() -> None:
     did, _, guard = looked(SOME, {"red"}, HOLDING)
     assert did == []

@@ -71,6 +71,7 @@ class Guard:
         self._begun: dict[str, tuple[int, float]] = {}
         self._unexplained: dict[str, float] = {}
         self._slowness: dict[str, float] = {}
+        self._found: dict[str, str] = {}
 
     def capability(self, station: str) -> Capability:
         """What the arm of a station can still do, as its twin says."""
@@ -103,7 +104,9 @@ class Guard:
         node, reasons = self._nodes[station], []
         load = self._hands.works(station)
         for finding in node.watch(log, arm, stop != 0, settings, None if load is None else load[1]):
-            self._note(Decision(time, f"monitor of {station}", "finding", finding.text(), station))
+            if finding.text() != self._found.get(station):  # what only waits for people is found with every box
+                self._found[station] = finding.text()
+                self._note(Decision(time, f"monitor of {station}", "finding", finding.text(), station))
             self._unexplained.pop(station, None)
             able = node.capability
             if station in self.stopped:
@@ -231,5 +234,6 @@ class Guard:
         self._proposed.discard(station)
         self._waiting.discard(station)
         self._unexplained.pop(station, None)
+        self._found.pop(station, None)
         self._note(Decision(time, who, "repair", why, station))
         return f"{station} is repaired"
