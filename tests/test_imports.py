@@ -81,7 +81,10 @@ def test_services_of_another_arm_read_its_model_and_load_what_they_need(name: st
     assert not found & DEAREST
 
 
-@pytest.mark.parametrize("name", ["services.line.plant", "services.line.zone", "commands.line.up", "api.cell"])
+@pytest.mark.parametrize(
+    "name",
+    ["services.line.plant", "services.line.zone", "services.line.overall", "commands.line.up", "api.cell"],
+)
 def test_lines_and_runs_wait_for_no_library_that_they_seldom_need(name: str) -> None:
     assert not loaded(f"dtwin.{name}") & DEAREST
 

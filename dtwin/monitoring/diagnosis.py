@@ -13,8 +13,8 @@ from collections.abc import Mapping, Sequence
 from typing import Final, Literal
 
 from dtwin.monitoring.candidate import AT_ONCE, Candidate, Conclusion
-from dtwin.monitoring.hypotheses import OF_ENCODER, PAIRED, changes, lawless, pairs, stopped_at_rest, stops, weakens
-from dtwin.monitoring.kinds import BIAS, DRIFT, FREEZE, LOCK, MU, SUPPLY, UNKNOWN, FaultId
+from dtwin.monitoring.hypotheses import OF_ENCODER, TORQUES, Retries, changes, lawless, stopped_at_rest, stops
+from dtwin.monitoring.kinds import BIAS, FREEZE, LOCK, MU, SUPPLY, UNKNOWN, FaultId
 from dtwin.monitoring.sensing.resting import Resting
 from dtwin.monitoring.sensing.stopped import StandsStill
 from dtwin.monitoring.signatures import SOONER, Onset, Suspicion
@@ -43,8 +43,6 @@ EXTENDED: Final = 1500
 """samples after the alarm at which it is taken in any case: the next motions tell apart what one pose does not"""
 _PRECISE: Final = 0.02
 """standard deviation of what changed, relative to a plausible change, that is small enough to settle"""
-_TORQUES: Final = ("K", "D", MU, BIAS, DRIFT)
-"""kinds of what an unknown torque on a joint may be mistaken for"""
 SURE: Final = 0.95
 """probability of the causes that a finding names together"""
 _HOPELESS: Final = 25.0
@@ -100,7 +98,7 @@ class Diagnosis:
         # Where evidence counts for less, it has taken the time that is waited for otherwise.
         self._least = LEAST if temper == 1.0 else LEAST // 2
         likely = suspicions[:CONSIDERED]
-        self._suspicions, self._likely = list(likely), likely[:PAIRED]
+        self._retries = Retries(likely, sizes, sample)
         self._history, self._sample = history, sample
         self.candidates = stops(stopped, sizes)
         if likely:
@@ -109,8 +107,6 @@ class Diagnosis:
         self.certain = self._stood = bool(stopped)
         self._still = {each.joint - 1: each for each in stopped}
         self._pairs: list[Candidate] = []
-        self._given_up: dict[tuple[str, ...], Candidate] = {}
-        self._again = False
         self._paired: Literal["no", "weaker", "all"] = "no"
         self._tried: set[tuple[str, ...]] = set()
         self._opposed = {each.onset.sample for each in self.candidates if each.fault.kind == UNKNOWN}
@@ -343,21 +339,12 @@ class Diagnosis:
         self._pair_jumps(best)
         if best.misfit > self._misfit and self._sample - self.alarm >= LEAST:
             self._paired = "all"
-            self._pairs = [*pairs(self._likely, self._sizes, self.alarm), *self._second_passes()]
+            self._pairs = self._retries.unexplained()
         elif best.fault.kind == UNKNOWN and self._sample - self.alarm >= LEAST:
-            while self._suspicions:
-                self._pairs.append(Candidate(*self._suspicions.pop()[:2], self._sizes))
-            self._pairs += self._second_passes()
+            self._pairs += self._retries.lawless()
         elif self._paired == "no" and best.fault.kind == SUPPLY:
             self._paired = "weaker"
-            self._pairs += [pair for pair in pairs(self._likely, self._sizes, self.alarm) if weakens(pair)]
-
-    def _second_passes(self) -> list[Candidate]:
-        """The jumps that were given up, once, each linearised at the change that was found: of a large one in
-        mid-motion, seen by encoders that are nearly free of noise, the first pass is surer than it is right."""
-        found = [] if self._again else [each.again(self._sizes) for each in self._given_up.values()]
-        self._again = True
-        return found
+            self._pairs += self._retries.weaker()
 
     def _oppose(self, best: Candidate) -> None:
         """Has the likeliest cause held against torques without a law since its onset: later ones are no match."""
@@ -389,7 +376,7 @@ class Diagnosis:
         What an encoder jumps by shows in one sample, and no model lacks that.
         """
         faults = (candidate.fault, candidate.other) if candidate.other else (candidate.fault,)
-        states = [state for fault in faults for state in fault.states or map(fault.named, _TORQUES)]
+        states = [state for fault in faults for state in fault.states or map(fault.named, TORQUES)]
         charge = max(self._charges.get(state, 0.0) for state in states)
         return candidate.gain - max(charge - self._at_once(candidate), 0.0)
 
@@ -407,6 +394,6 @@ class Diagnosis:
         for each in self.candidates:
             if each.gain >= least or (self.certain and each.fault.kind == FREEZE and math.isfinite(each.gain)):
                 kept.append(each)
-            elif each.fault.about.hypothesis == "jump" and not each.other and math.isfinite(each.gain):
-                self._given_up[each.cause] = each
+            else:
+                self._retries.give_up(each)
         self.candidates = kept

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Final
 
@@ -15,6 +16,7 @@ from dtwin.monitoring.kinds import (
     KINDS,
     LATE,
     LOCK,
+    MU,
     PUSH,
     SCALE,
     SLIP,
@@ -49,6 +51,8 @@ _STEPS: Final = 2
 LAWLESS: Final = (0.01, 0.03, 0.1, 0.3)
 """Standard deviations of torques without a law on one joint, or on all, that a cause has to explain the motion better
 than, N m: what a cable pulls, what cogs and what fades look like many causes for a while, and like none for long"""
+TORQUES: Final = ("K", "D", MU, BIAS, DRIFT)
+"""Kinds of what such a torque on a joint may be mistaken for."""
 _UNSTEADY: Final = (0.2, 0.4)
 """Standard deviations of the delay of commands of which some are lost, samples: those of 4 % and of 20 %"""
 _WEAKER: Final = ("K", "D", "mu")
@@ -128,6 +132,51 @@ def pairs(likely: Sequence[Suspicion], sizes: dict[str, float], alarm: int) -> l
 def weakens(pair: Candidate) -> bool:
     """Whether two changes at once are about how weak two joints are."""
     return all(fault.kind in _WEAKER for fault in pair.faults) and len({fault.joint for fault in pair.faults}) > 1
+
+
+class Retries:
+    """Candidates for when those of the beginning do not explain the motion: two changes, and what is tried anew.
+
+    Args:
+        likely: the most likely suspicions, the likeliest first.
+        sizes: plausible sizes of the changes.
+        alarm: number of the sample at which the diagnosis began.
+    """
+
+    def __init__(self, likely: Sequence[Suspicion], sizes: dict[str, float], alarm: int) -> None:
+        self._likely, self._sizes, self._alarm = likely, sizes, alarm
+        self._anew = list(likely)
+        self._given_up: dict[tuple[str, ...], Candidate] | None = {}
+
+    def give_up(self, candidate: Candidate) -> None:
+        """Takes note of a candidate that is followed no more: the last jump of each cause passes once more."""
+        jumped = candidate.fault.about.hypothesis == "jump" and not candidate.other
+        if self._given_up is not None and jumped and math.isfinite(candidate.gain):
+            self._given_up[candidate.cause] = candidate
+
+    def weaker(self) -> list[Candidate]:
+        """Two weaker joints at once."""
+        return [pair for pair in self._pairs() if weakens(pair)]
+
+    def unexplained(self) -> list[Candidate]:
+        """For when no cause alone explains the motion: two at once, and second passes; what comes first is last."""
+        return [*self._pairs(), *self._second_passes()]
+
+    def lawless(self) -> list[Candidate]:
+        """For when no law seems to hold: second passes, and once what was suspected, which may have been given up too
+        soon; what comes first is last."""
+        anew = [Candidate(each.fault, each.onset, self._sizes) for each in reversed(self._anew)]
+        self._anew.clear()
+        return [*anew, *self._second_passes()]
+
+    def _pairs(self) -> list[Candidate]:
+        return pairs(self._likely[:PAIRED], self._sizes, self._alarm)
+
+    def _second_passes(self) -> list[Candidate]:
+        """The jumps that were given up, once, linearised at the changes that they had found: of a large one in
+        mid-motion, seen by encoders that are nearly free of noise, the first pass is surer than it is right."""
+        given_up, self._given_up = self._given_up or {}, None
+        return [each.again(self._sizes) for each in given_up.values()]
 
 
 def stops(stopped: Sequence[StandsStill], sizes: dict[str, float]) -> list[Candidate]:

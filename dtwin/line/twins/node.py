@@ -149,7 +149,6 @@ class NodeTwin:
         self._cell = believed_settings(plan)
         self._belief = self._believed(self._cell.arm)
         self._boxes = Boxes.of(self._cell.task.colours, lightest, heaviest, classes)
-        self._strength = Strength.of(self._cell.arm, heaviest, self._cell.task)
         self.capability = self._boxes.all_brought()
         self._scrutiny = Scrutiny()
         self._work = self._unmeasured()
@@ -299,4 +298,5 @@ class NodeTwin:
     def _rehearsed(self, arm: ArmParameters, why: str) -> Capability:
         """What an arm can do, as the weights at its places and a rehearsal with other settings say."""
         trials = Trials(partial(rehearsed_anew, self.plan, arm), rehearsed(self.plan))
-        return self._boxes.brought(partial(self._strength.beyond, arm), trials, why)
+        strength = Strength.of(self._cell.arm, self._boxes.masses[0], self._cell.task)
+        return self._boxes.brought(partial(strength.beyond, arm), trials, why)
