@@ -9,11 +9,11 @@ import pytest
 from dtwin.errors import ModelError, ParameterError
 from dtwin.logs.collecting import RunLog
 from dtwin.logs.log import Log
-from dtwin.monitoring.estimation.belief import Belief, assumed, identified
+from dtwin.monitoring.estimation.belief import NOISE_FLOOR, Belief, assumed, identified
 from dtwin.monitoring.monitor import BRIDGED, Monitor
 from dtwin.monitoring.offline import Stream, stream, watch
 from dtwin.monitoring.settings import MonitorSettings
-from dtwin.parameters import ArmParameters
+from dtwin.parameters import ArmParameters, every_joint
 from evidence.monitoring.trial import FaultTrial, run_trial
 
 
@@ -274,3 +274,13 @@ def test_models_with_open_parameters_are_refused() -> None:
     )
     with pytest.raises(ModelError, match="open"):
         identified(from_estimate(estimate, np.ones(3), "simulated"))
+
+
+@pytest.mark.parametrize(("fault", "named"), [("D1*=5@32.2", "D1"), ("D2*=5@31.4", "D2")])
+def test_a_large_change_in_mid_motion_that_noiseless_encoders_see_is_named(
+    run_cell: Callable[..., Log], fault: str, named: str
+) -> None:
+    belief = assumed(ArmParameters(), every_joint(NOISE_FLOOR))
+    monitor = followed(belief, stream(run_cell(40.0, 3, fault, noise=0.0)))
+    assert [found.parameter for found in monitor.history] == [named]
+    assert monitor.history[0].size == pytest.approx(0.2, rel=1e-2)
