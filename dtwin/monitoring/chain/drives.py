@@ -221,6 +221,10 @@ class Drives:
         sizes *= [self._unit(name) for name in self._names]
         return dict(zip(self._names, sizes.tolist(), strict=True))
 
+    def sure(self, samples: int) -> float:
+        """Difference of likelihood ratios over some filtered samples that is evidence of any cause."""
+        return max(float(bound.max()) for window, bound in self.bounds if window <= max(samples, WINDOWS[0]))
+
     @property
     def named(self) -> bool:
         """Whether the cause has been named for good."""
