@@ -109,6 +109,8 @@ class Diagnosis:
         self.certain = self._stood = bool(stopped)
         self._still = {each.joint - 1: each for each in stopped}
         self._pairs: list[Candidate] = []
+        self._given_up: dict[tuple[str, ...], Candidate] = {}
+        self._again = False
         self._paired: Literal["no", "weaker", "all"] = "no"
         self._tried: set[tuple[str, ...]] = set()
         self._opposed = {each.onset.sample for each in self.candidates if each.fault.kind == UNKNOWN}
@@ -341,13 +343,21 @@ class Diagnosis:
         self._pair_jumps(best)
         if best.misfit > self._misfit and self._sample - self.alarm >= LEAST:
             self._paired = "all"
-            self._pairs = pairs(self._likely, self._sizes, self.alarm)
+            self._pairs = [*pairs(self._likely, self._sizes, self.alarm), *self._second_passes()]
         elif best.fault.kind == UNKNOWN and self._sample - self.alarm >= LEAST:
             while self._suspicions:
                 self._pairs.append(Candidate(*self._suspicions.pop()[:2], self._sizes))
+            self._pairs += self._second_passes()
         elif self._paired == "no" and best.fault.kind == SUPPLY:
             self._paired = "weaker"
             self._pairs += [pair for pair in pairs(self._likely, self._sizes, self.alarm) if weakens(pair)]
+
+    def _second_passes(self) -> list[Candidate]:
+        """The jumps that were given up, once, each linearised at the change that was found: of a large one in
+        mid-motion, seen by encoders that are nearly free of noise, the first pass is surer than it is right."""
+        found = [] if self._again else [each.again(self._sizes) for each in self._given_up.values()]
+        self._again = True
+        return found
 
     def _oppose(self, best: Candidate) -> None:
         """Has the likeliest cause held against torques without a law since its onset: later ones are no match."""
@@ -393,8 +403,10 @@ class Diagnosis:
         top = max(proven, default=max(each.gain for each in self.candidates))
         least = top - _HOPELESS * self._temper
         # What an encoder that has stopped does not explain may be what the arm hits because of that.
-        self.candidates = [
-            each
-            for each in self.candidates
-            if each.gain >= least or (self.certain and each.fault.kind == FREEZE and math.isfinite(each.gain))
-        ]
+        kept = []
+        for each in self.candidates:
+            if each.gain >= least or (self.certain and each.fault.kind == FREEZE and math.isfinite(each.gain)):
+                kept.append(each)
+            elif each.fault.about.hypothesis == "jump" and not each.other and math.isfinite(each.gain):
+                self._given_up[each.cause] = each
+        self.candidates = kept

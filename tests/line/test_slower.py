@@ -147,7 +147,7 @@ def test_twins_that_propose_change_nothing_until_a_person_has_it_done() -> None:
 class FakeNode:
     """A twin of a station that has just found something."""
 
-    plan, doubt, rests = PLAN, "", True
+    plan, doubt, rests, slowness = PLAN, "", True, 1.0
 
     def __init__(self, capability: Capability) -> None:
         self.capability = capability
@@ -246,6 +246,28 @@ def test_an_arm_that_new_settings_make_worse_is_stopped() -> None:
     assert guard.look("a2", None, FREE, 0, 40.0, SOME.settings) == ["a2 can do nothing"]
     assert did == [SOME_TEXT, "stop failed"]
     assert "200 mrad" in guard.capability("a2").why
+
+
+def test_an_arm_that_becomes_slower_is_told_once_though_nothing_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    notes: list[Decision] = []
+    nothing = lambda *words: None  # noqa: E731
+    hands = Hands(nothing, nothing, lambda station: (), nothing, lambda station: 0, notes.append)
+    node = FakeNode(Capability("all", ("blue", "red"), "nothing is wrong"))
+    guard = Guard({"a2": node}, "act", hands)
+    monkeypatch.setattr(FakeNode, "watch", lambda self, *words: [])
+    told, abilities = [], []
+    for second, slowness in enumerate((1.0, 1.0, 1.05, 1.3, 1.32, 1.35, 1.02)):
+        monkeypatch.setattr(FakeNode, "slowness", slowness)
+        told.append(guard.look("a2", None, HOLDING, 0, 10.0 + second))
+        abilities.append(node.capability.ability)
+    assert [bool(reasons) for reasons in told] == [False, False, False, True, False, False, True]
+    assert abilities == ["all", "all", "all", "slower", "slower", "slower", "all"]
+    assert node.capability.places == ("blue", "red")
+    assert told[3] == ["a2 takes 1.30 times as long to bring a box as at first"]
+    assert [(note.time, note.what, note.who) for note in notes] == [
+        (13.0, "finding", "twin of a2"),
+        (16.0, "finding", "twin of a2"),
+    ]
 
 
 def test_a_trial_compares_an_arm_with_what_it_was_before() -> None:

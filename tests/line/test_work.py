@@ -54,3 +54,23 @@ def test_a_box_that_is_taken_away_and_one_held_at_a_stop_tell_nothing() -> None:
     work.interrupt()
     work.follow([(0, True)] * 500 + [(0, False)] * 100)
     assert work.times(REHEARSED) == WorkTimes(1.0, REHEARSED.carry, REHEARSED.back)
+
+
+def test_an_arm_that_becomes_slower_is_reckoned_with_as_it_is_now() -> None:
+    work = MeasuredWork(PLACES, PERIOD)
+    usual, slow = (1, 0, 100, 200, 150), (1, 0, 120, 260, 180)
+    work.follow(ticks([usual] * 12))
+    assert work.slowness == pytest.approx(1.0)
+    assert work.times(REHEARSED).carry["blue"] == pytest.approx(2.0)
+    work.follow(ticks([slow] * 6))
+    assert work.slowness == pytest.approx(1.3)
+    found = work.times(REHEARSED)
+    assert (found.grip, found.carry["blue"], found.back["blue"]) == pytest.approx((1.2, 2.6, 1.8))
+    work.follow(ticks([usual] * 6))
+    assert work.slowness == pytest.approx(1.0)
+
+
+def test_nobody_is_slower_than_at_first_before_enough_boxes_were_brought() -> None:
+    work = MeasuredWork(PLACES, PERIOD)
+    work.follow(ticks([(1, 0, 100, 200, 150), (2, 0, 100, 400, 150)] * 2))
+    assert work.slowness == 1.0

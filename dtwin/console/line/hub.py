@@ -23,7 +23,7 @@ from dtwin.console.line.plant import as_plant_tells, nothing_told
 from dtwin.console.line.stations import StationFace, Stations
 from dtwin.console.motion import Motion
 from dtwin.console.telling import CellState, Frame
-from dtwin.errors import CommunicationError
+from dtwin.errors import CommunicationError, UnansweredError
 
 LINE_ARM: Final = "line"
 """What stands in the place of an arm in the keys of a line."""
@@ -37,6 +37,8 @@ ASKING_UNREAD: Final = 1.0
 """The same while none is, s: alarms need no more."""
 PATIENCE: Final = 5.0
 """Longest wait for one answer, s: between two cycles the line may take seconds to look at an arm."""
+BUSY: Final = 0.7
+"""Longest wait for what the twin of the line answers only when it does not reckon just then, s."""
 SUPERVISOR_PATIENCE: Final = 0.5
 """Longest wait for the supervisor, s."""
 TREND_EVERY: Final = 5.0
@@ -193,7 +195,7 @@ class LineHub(Hub):
             answers.forget(Summary)  # That nobody answers must not make what is known of the line old.
         self.desks.look(self._is_there())
         if state is not None:
-            answers.ask(LINE_LOOK, LineLook)
+            answers.ask(LINE_LOOK, LineLook, BUSY)
             if self._read and LinePlan not in answers:
                 answers.ask(LINE_PLAN, LinePlan)
             self._ask_expected(state)
@@ -219,8 +221,10 @@ class LineHub(Hub):
         if not self._read or asked_for == self._asked_for:
             return
         try:
-            self._expected = self._bus.ask(LINE_PREDICT, SetUpQuestion(), FlowEffect, PATIENCE)
+            self._expected = self._bus.ask(LINE_PREDICT, SetUpQuestion(), FlowEffect, BUSY)
             self._asked_for = asked_for
+        except UnansweredError:
+            return  # it is asked again in the next round
         except CommunicationError:
             # A refusal is an answer, too: there is no set-up that the arms can still do.
             self._expected = None

@@ -167,7 +167,8 @@ class LiveOverall:
         self._lost: set[str] = set()
         doors = Doors(self._tell, self._now, self._decisions.note, self._propose)
         self.work = Reorganisation(line, mode, self._zones, doors)
-        self._answers = Answers(line, self, book, bus, self._between)
+        # Nothing in it changes in part, so that it can be told while this thread reckons.
+        self._answers = Answers(line, self, book, bus, self._between, self.state)
         self._plant = DistantPlant(line, bus, self._pass_on)
 
     @property

@@ -81,14 +81,23 @@ class Answers:
         book: book of the proposals.
         bus: session of the line.
         between: what is done between two cycles.
+        state: tells how the line does, on any thread; between two cycles if not given.
     """
 
-    def __init__(self, line: Line, asked: Asked, book: Book, bus: Bus, between: Between) -> None:
+    def __init__(
+        self,
+        line: Line,
+        asked: Asked,
+        book: Book,
+        bus: Bus,
+        between: Between,
+        state: Callable[[], LineState] | None = None,
+    ) -> None:
         self._line, self._book = asked, book
         self._stations = [station.name for station in line.stations]
         self._laid: dict[str, Settings | None] = {}
         ask = between.ask
-        bus.answer(LINE_STATE, LookRequest, None, partial(ask, asked.state))
+        bus.answer(LINE_STATE, LookRequest, None, state or partial(ask, asked.state))
         bus.answer(LINE_LOOK, LookRequest, None, partial(ask, self._look))
         plan = plan_of(line)
         bus.answer(LINE_PLAN, LookRequest, None, lambda: plan)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 from dtwin.bus.line.plant import Settings
@@ -15,6 +15,8 @@ Ability = Literal["all", "slower", "some places", "lighter boxes", "nothing"]
 """What an arm can still do."""
 SLOWER: Final = 1.05
 """Share of its usual time for a box from which on an arm works slower."""
+NOTHING_WRONG: Final = "nothing is wrong"
+"""Why an arm can do all."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +43,12 @@ class Capability:
         """Whether it can bring a box of a mass (kg) to a place."""
         place, mass = load
         return place in self.places or mass <= dict(self.lighter).get(place, 0.0)
+
+    def slowed(self, why: str) -> Capability:
+        """The same of an arm that brings all but is slower than it was, "" if it is so no more."""
+        if self.ability not in ("all", "slower") or self.settings is not None:
+            return self
+        return replace(self, ability="slower" if why else "all", why=why or NOTHING_WRONG)
 
 
 def held_at(places: Sequence[str], heavy: Collection[str], light: Collection[str]) -> tuple[Ability, tuple[str, ...]]:
@@ -108,7 +116,7 @@ class Boxes:
 
     def all_brought(self) -> Capability:
         """What an arm can do with which nothing is wrong."""
-        return Capability("all", self.places, "nothing is wrong")
+        return Capability("all", self.places, NOTHING_WRONG)
 
     def brought(self, beyond: Callable[[float], Collection[str]], trials: Trials, why: str) -> Capability:
         """What an arm can do, as the weights at its places and a rehearsal with other settings say.

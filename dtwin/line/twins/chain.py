@@ -84,6 +84,11 @@ class ChainNodeTwin:
         return self._work.times(self.capability.times or rehearsed(self.plan))
 
     @property
+    def slowness(self) -> float:
+        """How many times as long as at first it takes to bring a box, see `MeasuredWork.slowness`."""
+        return self._work.slowness
+
+    @property
     def doubt(self) -> str:
         """Why settings that are on trial make the arm worse, "" if they do not."""
         return self._tried.doubt

@@ -24,6 +24,8 @@ OVERDUE: Final = 45.0
 """Least time for a box after which an arm is stopped, s: its twin has asked its monitor why it is late by then."""
 EXPLAINED: Final = 15.0
 """Time after a stop by the blocks until which its cause is found, if it is found at all, s."""
+OTHERWISE: Final = 0.1
+"""Change of an arm's slowness from which on the work is shared out otherwise, though nothing is found of it."""
 PATIENCE: Final = 3.0
 """Least such time, as a multiple of the longest that the arm takes for a box."""
 
@@ -68,6 +70,7 @@ class Guard:
         self._waiting: set[str] = set()
         self._begun: dict[str, tuple[int, float]] = {}
         self._unexplained: dict[str, float] = {}
+        self._slowness: dict[str, float] = {}
 
     def capability(self, station: str) -> Capability:
         """What the arm of a station can still do, as its twin says."""
@@ -137,7 +140,21 @@ class Guard:
             self._unexplained[station] = time
             reasons.append(f"{station} can do nothing")
         self._tell_unexplained(station, stop, time)
-        return reasons
+        return reasons or self._takes_otherwise(station, time)
+
+    def _takes_otherwise(self, station: str, time: float) -> list[str]:
+        """That an arm has become slower, or faster, since it was told so last, whatever is wrong with it."""
+        node = self._nodes[station]
+        slowness = node.slowness
+        before = self._slowness.setdefault(station, slowness)
+        if slowness == 1.0 or station in self.stopped or abs(slowness - before) <= OTHERWISE:
+            return []
+        self._slowness[station] = slowness
+        words = f"takes {slowness:.2f} times as long to bring a box as at first"
+        why = f"it {words}; why is not known"
+        node.capability = node.capability.slowed(why if slowness > 1.0 + OTHERWISE else "")
+        self._note(Decision(time, f"twin of {station}", "finding", why, station))
+        return [f"{station} {words}"]
 
     def _tell_unexplained(self, station: str, stop: int, time: float) -> None:
         """Says once that a stop by the blocks is explained by nothing: an arm that stands tells no more of itself."""

@@ -16,13 +16,15 @@ from dtwin.line.station import FREE, WorkTimes, believed_settings
 from dtwin.line.twins.ability import Boxes, Capability, Trials
 from dtwin.line.twins.rehearsal import AWAY, rehearsed, rehearsed_anew
 from dtwin.line.twins.tried import SETTLED, Tried
+from dtwin.line.twins.work import MeasuredWork
 from dtwin.logs.collecting import RunLog
+from dtwin.logs.log import Log
 from dtwin.monitoring.estimation.belief import NOISE_FLOOR, Belief, assumed
 from dtwin.monitoring.kinds import RELATIVE, SUPPLY, arm_state
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import Stream, stream
 from dtwin.monitoring.verdict import Finding
-from dtwin.parameters import PARAMETER_NAMES, ArmParameters, every_joint, scaled
+from dtwin.parameters import PARAMETER_NAMES, PERIOD, ArmParameters, every_joint, scaled
 from dtwin.recovery.answers import answer_to
 from dtwin.recovery.strength import Strength
 
@@ -60,6 +62,10 @@ class Node(Protocol):
     @property
     def times(self) -> WorkTimes:
         """How long its work takes."""
+
+    @property
+    def slowness(self) -> float:
+        """How many times as long as at first it takes to bring a box, see `MeasuredWork.slowness`."""
 
     @property
     def doubt(self) -> str:
@@ -146,6 +152,7 @@ class NodeTwin:
         self._strength = Strength.of(self._cell.arm, heaviest, self._cell.task)
         self.capability = self._boxes.all_brought()
         self._scrutiny = Scrutiny()
+        self._work = self._unmeasured()
         self._from = self._seen = self._suspected_until = 0
         self._busy_since: int | None = None
         self._known = False
@@ -159,8 +166,16 @@ class NodeTwin:
 
     @property
     def times(self) -> WorkTimes:
-        """How long its work takes: as it was rehearsed with what was found of the arm, or with nothing wrong."""
-        return self.capability.times or rehearsed(self.plan)
+        """How long its work takes: as its last boxes took, before that as a rehearsal with what is known of it."""
+        return self._work.times(self.capability.times or rehearsed(self.plan))
+
+    @property
+    def slowness(self) -> float:
+        """How many times as long as at first it takes to bring a box, see `MeasuredWork.slowness`."""
+        return self._work.slowness
+
+    def _unmeasured(self) -> MeasuredWork:
+        return MeasuredWork(self._boxes.places, PERIOD)
 
     @property
     def doubt(self) -> str:
@@ -172,11 +187,12 @@ class NodeTwin:
         self.capability, self._known, self._settings = self._boxes.all_brought(), False, None
         self._belief, self._tried = self._believed(self._cell.arm), Tried()
         self._scrutiny.end()
+        self._work = self._unmeasured()
         self._from, self._suspected_until, self._busy_since = self._seen, 0, None
 
     def _adopt(self, settings: ArmSettings, rows: int) -> None:
         """Takes note that the blocks have other settings from a tick on, whose model is the arm as it is known."""
-        self._settings = settings
+        self._settings, self._work = settings, self._unmeasured()
         self._tried.change()
         self._belief = self._believed(settings.model)
         self._scrutiny.end()
@@ -217,6 +233,7 @@ class NodeTwin:
         if self._known or rows == first:
             return []
         new = log.since(first)
+        self._measure(new, whole=not stopped and first >= log.forgotten)
         self._busy_since = self._busy_since if arm != FREE and self._busy_since is not None else rows
         away = np.abs(new.stack("target") - new.stack("measured")).max()
         late = arm != FREE and not stopped and rows - self._busy_since > LATE
@@ -236,6 +253,16 @@ class NodeTwin:
             self.capability = self.judged(each)
             self._known = self.capability.ability == "nothing"
         return found
+
+    def _measure(self, new: Log, whole: bool) -> None:
+        """Measures how long it works from further ticks, which tell that only if none is missing and it may work."""
+        if not whole:
+            self._work.interrupt()
+            return
+        boxes = np.zeros(len(new.columns["t"]), dtype=np.int64)
+        for number, place in enumerate(self._boxes.places, 1):
+            boxes[new.columns["box_present"] & (new.columns["box_colour"] == place)] = number
+        self._work.follow(zip(boxes.tolist(), new.columns["box_gripped"].tolist(), strict=True))
 
     def stopped(self, why: str) -> None:
         """The arm was stopped, and nobody knows yet what it can do."""

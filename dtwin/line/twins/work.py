@@ -7,7 +7,7 @@ gripper is closed.
 from __future__ import annotations
 
 from collections import defaultdict, deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from statistics import median
 from typing import Final
 
@@ -17,6 +17,10 @@ _ENOUGH: Final = 2
 """Number of boxes after which what was measured counts more than a rehearsal."""
 _LAST: Final = 20
 """Number of the last boxes that count."""
+_NEWEST: Final = 5
+"""Number of those that count alone once they took otherwise than the ones before."""
+_OTHERWISE: Final = 0.05
+"""Share by which they do."""
 _IDLE: Final = 2.0
 """Share of the rehearsed way back from which on an arm is taken to have waited for a box."""
 
@@ -34,6 +38,7 @@ class MeasuredWork:
         self._grips: deque[float] = deque(maxlen=_LAST)
         self._carries: dict[str, deque[float]] = defaultdict(lambda: deque(maxlen=_LAST))
         self._backs: dict[str, deque[float]] = defaultdict(lambda: deque(maxlen=_LAST))
+        self._first: dict[str, float] = {}
         self.interrupt()
 
     def interrupt(self) -> None:
@@ -55,7 +60,7 @@ class MeasuredWork:
             self._ticks += 1
             if self._gripped is not None:
                 if not grips:
-                    self._carries[self._place].append(self._since(self._gripped))
+                    self._carried(self._since(self._gripped))
                     self._gripped, self._released = None, self._ticks
             elif grips:
                 if self._offered is not None:
@@ -69,17 +74,40 @@ class MeasuredWork:
             elif not box:
                 self._offered = None
 
+    def _carried(self, time: float) -> None:
+        carries = self._carries[self._place]
+        carries.append(time)
+        if len(carries) == _NEWEST:
+            self._first.setdefault(self._place, median(carries))
+
+    @property
+    def slowness(self) -> float:
+        """How many times as long as the first boxes the newest ones took to the place where that has changed most; 1
+        before enough were brought to one."""
+        newest = {place: median(list(self._carries[place])[-_NEWEST:]) for place in self._first}
+        return max((newest[place] / first for place, first in self._first.items()), key=_change, default=1.0)
+
     def times(self, rehearsed: WorkTimes) -> WorkTimes:
         """How long the arm takes, of what was not seen often enough as it was rehearsed."""
-        grip = median(self._grips) if len(self._grips) >= _ENOUGH else rehearsed.grip
+        grip = _usual(self._grips) if len(self._grips) >= _ENOUGH else rehearsed.grip
         carry, back = dict(rehearsed.carry), dict(rehearsed.back)
         for place in rehearsed.carry:
             if len(self._carries[place]) >= _ENOUGH:
-                carry[place] = median(self._carries[place])
+                carry[place] = _usual(self._carries[place])
             busy = [each for each in self._backs[place] if each <= _IDLE * rehearsed.back[place]]
             if len(busy) >= _ENOUGH:
-                back[place] = median(busy)
+                back[place] = _usual(busy)
         return WorkTimes(grip, carry, back)
 
     def _since(self, tick: int) -> float:
         return (self._ticks - tick) * self._period
+
+
+def _usual(last: Sequence[float]) -> float:
+    """The median of the last times, or of the newest alone if the arm has become slower or faster with them."""
+    whole, newest = median(last), median(list(last)[-_NEWEST:])
+    return newest if abs(newest - whole) > _OTHERWISE * whole else whole
+
+
+def _change(factor: float) -> float:
+    return abs(factor - 1.0)
