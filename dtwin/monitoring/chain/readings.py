@@ -24,8 +24,11 @@ STAYED: Final = 0.5
 hits something does to the others looks like a jump for some samples."""
 _SAME_TIME: Final = 2
 """Samples by which first evidence of the drives may come before a jump that has caused it."""
-_READ: Final = 4.0
+_READ: Final = 2.5
 """Odds of the one of a stopped encoder and a locked joint that readings are likelier for."""
+_NEEDED: Final = 6.0
+"""Odds of the one that the other joints' commands are likelier for, where that is more than noise: it is named first.
+Only as much as is evidence of any cause rules the other one out."""
 
 
 class Readings:
@@ -103,6 +106,7 @@ class Readings:
         )
         odds = np.log(_READ) if stay.kind == "lock" else -np.log(_READ)
         if told is not None:
+            odds += np.clip(0.5 * told[0], -np.log(_NEEDED), np.log(_NEEDED))
             odds -= np.log(SURE) * told[0] / self._drives.sure(told[1])
         lock = float(1.0 / (1.0 + np.exp(-np.clip(odds, -50.0, 50.0))))
         first, second = (f"{kind}{stay.joint}" for kind in (("lock", "freeze") if lock > 0.5 else ("freeze", "lock")))
