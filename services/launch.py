@@ -43,7 +43,7 @@ from dtwin.services.parts.part_files import discard_markers, discard_parts
 from dtwin.services.parts.stopping.watchdog import ALARM as ALARMING
 from dtwin.services.runfile import OPERATOR, SUPERVISOR, RunFile
 from dtwin.services.service import current_processor, free_port, held_port
-from dtwin.services.supervisor import Program, Supervisor
+from dtwin.services.supervisor import UNDRAWN, Program, Supervisor
 from dtwin.simulation.history import HISTORY
 from dtwin.view.viewer import LOOPBACK, Detail, Ports, Viewer, free_ports
 from iec61499.net.address import LocalAddress, parse_address
@@ -377,8 +377,7 @@ def _check_apart(service: str, options: Iterable[str]) -> None:
         ParameterError: they cannot be used.
     """
     command = [sys.executable, "-m", f"dtwin.services.{service}", *options]
-    made = subprocess.run(
-        command, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": str(SOURCE)}, check=False
-    )
+    environment = {**UNDRAWN, **os.environ, "PYTHONPATH": str(SOURCE)}
+    made = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
     if made.returncode:
         raise ParameterError(made.stderr.strip().splitlines()[-1].removeprefix("check: "))

@@ -41,6 +41,8 @@ from dtwin.signals import Event
 
 LIFELINE: Final = "DTWIN_LIFELINE"
 """Environment variable of the children: the descriptor that is at its end when the supervisor has gone."""
+UNDRAWN: Final = {"MUJOCO_GL": "disable"}
+"""Environment of processes that draw nothing with MuJoCo, which otherwise looks for OpenGL when it is loaded."""
 PREPARED: Final = "DTWIN_PREPARED"
 """Environment variable of a child that starts again: what it needs was compiled by an earlier one."""
 AGAIN: Final = 75
@@ -105,8 +107,7 @@ class _Child:
             errors="replace",
             cwd=None,
             env={
-                # No service draws with MuJoCo, which otherwise looks for OpenGL when it is loaded.
-                "MUJOCO_GL": "disable",
+                **UNDRAWN,
                 **os.environ,
                 LIFELINE: str(self._lifeline),
                 KEY: self._key.hex(),

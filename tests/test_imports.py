@@ -9,7 +9,7 @@ from dtwin.parameters import ROOT
 from dtwin.twin.compiled import BLAS
 
 HEAVY = frozenset({"numpy", "scipy", "numba", "mujoco", "rerun", "pyarrow", "lark", "matplotlib"})
-DEAREST = frozenset({"scipy.stats", "scipy.optimize", "rerun", "matplotlib"})
+DEAREST = frozenset({"scipy.stats", "scipy.signal", "scipy.optimize", "scipy.interpolate", "rerun", "matplotlib"})
 """no service loads them to start"""
 
 
@@ -71,11 +71,19 @@ def test_services_load_what_they_need(name: str, needed: set[str]) -> None:
         *((name, {"numpy", "mujoco", "lark"}) for name in ("emulator", "bridge", "recovery", "console", "check")),
         ("recorder", {"numpy", "mujoco", "lark", "pyarrow"}),
         ("simulation", {"numpy", "mujoco", "lark"}),
-        ("monitoring", {"numpy", "mujoco", "lark", "scipy"}),
+        ("monitoring", {"numpy", "mujoco", "lark"}),
+        ("identification", {"numpy", "mujoco", "lark", "scipy"}),
     ],
 )
 def test_services_of_another_arm_read_its_model_and_load_what_they_need(name: str, needed: set[str]) -> None:
-    assert loaded(f"dtwin.services.chain.{name}") & HEAVY == needed
+    found = loaded(f"dtwin.services.chain.{name}")
+    assert found & HEAVY == needed
+    assert not found & DEAREST
+
+
+@pytest.mark.parametrize("name", ["services.line.plant", "services.line.zone", "commands.line.up", "api.cell"])
+def test_lines_and_runs_wait_for_no_library_that_they_seldom_need(name: str) -> None:
+    assert not loaded(f"dtwin.{name}") & DEAREST
 
 
 def test_the_package_loads_nothing_before_a_name_is_used() -> None:

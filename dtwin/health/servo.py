@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy import stats
+from scipy.special import stdtrit
 
 from dtwin.errors import IdentificationError
 from dtwin.measurements.measurement import Array, Measurement
@@ -181,7 +181,7 @@ def _difference(one: list[float], other: list[float]) -> Estimate | None:
 
 def _student(degrees: float) -> float:
     """Half width of a 95 % interval in standard deviations that were themselves estimated."""
-    return float(stats.t.ppf(0.975, degrees))
+    return float(stdtrit(degrees, 0.975))
 
 
 def _drift(rests: list[Rest]) -> Estimate | None:

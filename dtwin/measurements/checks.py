@@ -9,7 +9,6 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from scipy import signal
 
 from dtwin.arm.chain import Arm
 from dtwin.errors import RecordingError
@@ -138,8 +137,10 @@ def _misplaced(rows: Rows) -> None:
     t = rows.arrays["t"]
     if len(t) < 2 * _NEIGHBOURS:
         return
+    from scipy.ndimage import median_filter  # loaded for foreign logs alone
+
     usual = float(np.median(np.abs(np.diff(t))))
-    away = np.abs(t - signal.medfilt(t, _NEIGHBOURS))
+    away = np.abs(t - median_filter(t, _NEIGHBOURS))
     away[: _NEIGHBOURS // 2] = np.abs(t - np.median(t[:_NEIGHBOURS]))[: _NEIGHBOURS // 2]
     away[-(_NEIGHBOURS // 2) :] = np.abs(t - np.median(t[-_NEIGHBOURS:]))[-(_NEIGHBOURS // 2) :]
     bad = away > _OUT_OF_PLACE * _NEIGHBOURS * usual

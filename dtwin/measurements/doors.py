@@ -16,8 +16,6 @@ import msgspec
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-import scipy.io
-from scipy.io.matlab import MatReadError
 
 from dtwin.errors import RecordingError, choices
 from dtwin.files import reason_of
@@ -233,8 +231,10 @@ def _npz(path: Path) -> Table:
 
 
 def _mat(path: Path) -> Table:
+    from scipy.io.matlab import MatReadError, loadmat  # loaded for such files alone
+
     try:
-        content = scipy.io.loadmat(path, squeeze_me=False)
+        content = loadmat(path, squeeze_me=False)
     except (ValueError, TypeError, NotImplementedError, MatReadError) as error:
         raise RecordingError(f"{path}: expected a MAT file of version 4 to 7.2: {str(error)[:80]}") from None
     return _arrays(path, {name: value for name, value in content.items() if not name.startswith("__")})

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Final, NamedTuple
 
-from scipy.stats import chi2
+from scipy.special import gammaincinv
 
 from dtwin.campaign.spread import Progress, Workers, Workforce
 from dtwin.commands.frame import at_least
@@ -76,7 +76,7 @@ class ArmDays:
     @property
     def bound(self) -> float:
         """Rate of false alarms a day that the number of them excludes with 95 %: Poisson, one-sided, alarms a day."""
-        return float(chi2.ppf(0.95, 2 * (len(self.alarms) + 1)) / 2.0 / self.days) if self.days else math.inf
+        return float(gammaincinv(len(self.alarms) + 1, 0.95)) / self.days if self.days else math.inf
 
 
 def shifts_of(arm: str, days: float, machines: int, seed: int) -> list[ArmShift]:

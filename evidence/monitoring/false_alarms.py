@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Final, NamedTuple
 
 import msgspec
-from scipy.stats import chi2
+from scipy.special import gammaincinv
 
 from dtwin.campaign.spread import Progress, Workers, Workforce
 from dtwin.commands.frame import at_least
@@ -156,8 +156,8 @@ def count_false_alarms(
 
 def interval(alarms: int, days: float) -> tuple[float, float]:
     """The 95 % interval of the rate a day of alarms that come independently (Garwood, Biometrika 28, 1936)."""
-    low = chi2.ppf(0.025, 2 * alarms) / 2.0 if alarms else 0.0
-    return float(low) / days, float(chi2.ppf(0.975, 2 * alarms + 2)) / 2.0 / days
+    low = gammaincinv(alarms, 0.025) if alarms else 0.0
+    return float(low) / days, float(gammaincinv(alarms + 1, 0.975)) / days
 
 
 def false_alarms_report(found: Sequence[WatchedShift], machines: int) -> Report:

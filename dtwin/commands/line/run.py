@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import tyro
 from rich.table import Column, Table
@@ -17,7 +17,6 @@ from dtwin.line.control import Exchange, OneResource
 from dtwin.line.file import DEFAULT_NAME, line_of
 from dtwin.line.followed import Followed
 from dtwin.line.line import Line
-from dtwin.line.records.drawing import Drawing
 from dtwin.line.records.kept import Kept, kept, prepare, read, write
 from dtwin.line.records.report import page, summary
 from dtwin.line.records.tables import MOST_ROWS, ask, write_tables
@@ -26,6 +25,9 @@ from dtwin.line.served import Served
 from dtwin.line.system import system
 from dtwin.line.twins.decisions import Mode
 from dtwin.terminal import as_text, print_json, print_table, printable
+
+if TYPE_CHECKING:
+    from dtwin.line.records.drawing import Drawing
 
 _HTML: Final = ".html"
 LONGEST: Final = 86_400.0
@@ -173,7 +175,7 @@ def _carried_out(
         if path is not None:
             ensure_writable(path, ending)
     run = LineRun(line, settings, None if out is None else prepare(out), blocks)
-    drawing = None if record is None else Drawing(run)
+    drawing = None if record is None else _drawing(run)
     try:
         run.run(None if json or not sys.stderr.isatty() else _progress, None if drawing is None else drawing.look)
     finally:
@@ -198,6 +200,12 @@ def _progress(time: float) -> None:
 def _write_page(found: Kept, report: Path) -> None:
     with replacing(report, _HTML) as temporary:
         temporary.write_text(page(found))
+
+
+def _drawing(run: LineRun) -> Drawing:
+    from dtwin.line.records.drawing import Drawing  # loads Rerun, which takes as long as the rest of the command
+
+    return Drawing(run)
 
 
 def _print_summary(found: Kept, json: bool, report: Path | None, factor: float = 0.0) -> None:

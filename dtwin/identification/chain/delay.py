@@ -11,7 +11,6 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from dtwin.arm.chain import Array
 from dtwin.identification.chain.design import Design
@@ -43,6 +42,8 @@ def delays(found: Identification) -> list[Number]:
 
 def _delay(design: Design, layout: Layout, prior: Prior, fit: Fit, joint: int) -> tuple[float, float]:
     """The delay of one joint and its standard deviation, s."""
+    from scipy.interpolate import CubicSpline  # loaded for a fit alone
+
     places = layout.of_joint(joint)
     places = places[fit.used[places]]
     parts, efforts = [], []

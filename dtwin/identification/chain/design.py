@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal
 
 from dtwin.arm.chain import Arm, Array
 from dtwin.equations.rigid import regressor
@@ -174,7 +173,9 @@ def _laden(gripped: NDArray[np.bool_], t: Array, grid: Array) -> NDArray[np.bool
 
 def low_passed(columns: Array, dt: float, corner: float, order: int = 4) -> Array:
     """Columns along the first axis through a Butterworth filter, forward and backward."""
-    found: Array = signal.sosfiltfilt(signal.butter(order, corner, fs=1.0 / dt, output="sos"), columns, axis=0)
+    from scipy.signal import butter, sosfiltfilt  # loaded for a fit alone: takes as long as all else of a command
+
+    found: Array = sosfiltfilt(butter(order, corner, fs=1.0 / dt, output="sos"), columns, axis=0)
     return found
 
 

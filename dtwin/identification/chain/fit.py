@@ -13,7 +13,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
-from scipy.optimize import minimize
 
 from dtwin.arm.chain import Array
 from dtwin.identification.chain.moments import Moments
@@ -170,6 +169,8 @@ def squares(moments: Moments, fold: int, found: Fit) -> Array:
 
 def _gains(equations: _Equations, prior: Prior, found: Fit, free: NDArray[np.bool_]) -> Array:
     """The gains that explain the effort best, each with the linear unknowns that go with it."""
+    from scipy.optimize import minimize  # loaded for a fit alone: takes longer than all else of a service
+
     known = np.isfinite(prior.deviation) & equations.used
 
     def gains(logs: Array) -> Array:

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from dtwin.arm.chain import Array
 from dtwin.identification.chain.design import Rigid, Smooth, low_passed, rigid_of
@@ -80,7 +80,7 @@ def gears(found: Identification, samples: Sequence[Sample]) -> Gears:
         return Gears((), measured)
     known = [joint for joint in range(len(found.arm)) if moved(found, joint) and not unclear(found, joint)]
     # Of many numbers some are beyond their own intervals by chance: what is told holds for all of them (Bonferroni).
-    sure = float(norm.ppf(1.0 - 0.025 / max(1, 2 * len(known)))) / NINETY_FIVE
+    sure = float(ndtri(1.0 - 0.025 / max(1, 2 * len(known)))) / NINETY_FIVE
     return Gears(tuple(_gear(found, parts, joint, sure) for joint in known), measured)
 
 

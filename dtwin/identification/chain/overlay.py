@@ -15,7 +15,6 @@ from typing import Final
 import msgspec
 import numpy as np
 from lxml import etree
-from scipy.optimize import nnls
 
 from dtwin.arm.chain import Arm, Array, Friction, Joint, Link, Tolerances
 from dtwin.arm.file import UNITS, ArmFile
@@ -63,6 +62,8 @@ def _joint(found: Identification, number: int) -> Joint:
 
 def _plain(found: Identification, number: int) -> tuple[float, float]:
     """The viscous and the Coulomb friction of a joint, at least 0, nearest to what was found without load."""
+    from scipy.optimize import nnls  # loaded for a file alone that is written
+
     scale, names = found.design.scales[number], found.design.names[number]
     place = found.moments.layout.friction(number)
     speeds = _SPEEDS * scale.speed

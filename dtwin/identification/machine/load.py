@@ -11,7 +11,6 @@ from typing import Final
 
 import msgspec
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from dtwin.identification.data import Array, Experiment, from_log
 from dtwin.identification.machine.judged import MOVED, SEGMENT, moving, with_states
@@ -51,6 +50,8 @@ def load_on(record: MachineRecord, log: Log) -> Load:
         record: what was identified without boxes.
         log: log of ordinary work, with boxes of USUAL_BOX in the mean.
     """
+    from scipy.optimize import minimize_scalar  # loaded for boxes alone: takes longer than most commands
+
     fast = moving(from_log(log, USUAL_BOX, SEGMENT), SEGMENT, MOVED[0])
     segments = [e for e in fast if (e.payload > 0.0).all()]
     if len(segments) < FEWEST:

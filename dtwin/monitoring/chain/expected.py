@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from math import factorial
 from typing import Final
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
-from scipy.signal import savgol_coeffs
 
 from dtwin.arm.chain import Arm, Array, steiner
 from dtwin.arm.poses import drawn_poses
@@ -23,6 +23,8 @@ from dtwin.errors import RecordingError
 
 WINDOW: Final = 11
 """Samples of the filter (Savitzky and Golay 1964) by which positions become velocities and accelerations."""
+_DEGREE: Final = 3
+"""Degree of the polynomial that it lays through them."""
 EVERY: Final = 5
 """One filtered sample of so many is used: neighbours share most of their noise."""
 BLOCK: Final = 2.0
@@ -83,7 +85,9 @@ def _filter(period: float) -> Array:
 
     Only windows that are full count, so that samples are filtered alike however many come at once.
     """
-    found: Array = np.array([savgol_coeffs(WINDOW, 3, order, period, use="dot") for order in range(3)])
+    offsets = np.arange(WINDOW, dtype=float) - WINDOW // 2
+    derivatives = np.diag([factorial(order) / period**order for order in range(_DEGREE + 1)])[:, :3]
+    found: Array = np.linalg.lstsq(np.vander(offsets, _DEGREE + 1, increasing=True).T, derivatives, rcond=None)[0].T
     return found
 
 

@@ -14,7 +14,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 
 from dtwin.arm.chain import Arm, Array
 from dtwin.equations.rigid import regressor
@@ -251,6 +250,8 @@ def _change(name: str, value: float, deviation: float, least: float) -> Change:
 
 
 def _pushes(record: Record, part: _Part, rest: Array) -> list[Push]:
+    from scipy.ndimage import median_filter  # loaded for a log alone: takes as long as NumPy
+
     rows = max(1, round(_LEVEL / part.dt)) | 1
     level = np.stack([median_filter(column, rows, mode="nearest") for column in rest.T], axis=1)
     out = np.abs(rest - level)

@@ -78,3 +78,27 @@ def test_a_service_that_starts_again_need_not_prepare(module: Any, monkeypatch: 
     frame: Any = Frame()
     prepare_aside(frame, "the fits", module("raise SystemExit(1)"))
     assert not frame.told
+
+
+def test_what_an_earlier_process_has_prepared_is_prepared_again_only_for_other_code(
+    module: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(str(tmp_path))
+    (tmp_path / "__pycache__").mkdir()
+    count = f"with open({str(tmp_path / 'times')!r}, 'a') as times: times.write('.')\n"
+
+    def times(text: str) -> int:
+        frame: Any = Frame()
+        prepare_aside(frame, "the fits", module(text))
+        return len((tmp_path / "times").read_text())
+
+    assert times(f"{count}raise SystemExit(1)") == 1
+    assert times(count) == 2, "what has failed is not prepared"
+    assert times(count.replace("'.'", "'.' ")) == 3, "another module"
+    frame: Any = Frame()
+    prepare_aside(frame, "the fits", "work")
+    assert len((tmp_path / "times").read_text()) == 3
+    assert not frame.told
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    prepare_aside(frame, "the fits", "work")
+    assert len((tmp_path / "times").read_text()) == 4, "kernels are kept elsewhere"
