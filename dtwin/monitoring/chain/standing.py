@@ -11,7 +11,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import savgol_filter
 
 from dtwin.arm.chain import Arm, Array
 from dtwin.monitoring.chain.expected import EVERY, WINDOW, Expected, Filtered
@@ -68,6 +67,8 @@ def standing(
 def _filtered(arm: Arm, q: Array, effort: Array) -> Filtered:
     """All samples with their velocities and accelerations, and what acted filtered alike."""
     known: NDArray[np.bool_] = np.ones(len(q), dtype=bool)
+    from scipy.signal import savgol_filter  # takes long to load, and is needed where a joint stays alone
+
     q, qd, qdd = (savgol_filter(q, WINDOW, _ORDER, k, arm.period, axis=0) for k in range(3))
     return Filtered(np.zeros(len(q)), q, qd, qdd, savgol_filter(effort, WINDOW, _ORDER, axis=0), known)
 
