@@ -12,16 +12,18 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dtwin.arm.adjustment import Adjustment
 from dtwin.arm.chain import Arm, Array
 from dtwin.arm.effort import ahead
-from dtwin.monitoring.chain.expected import EVERY, WINDOW, Expected, Filtered, filtered
+from dtwin.monitoring.chain.expected import EVERY, WINDOW, Expected, filtered
 from dtwin.monitoring.chain.finding import ChainFinding
+from dtwin.monitoring.chain.gathering import NOTHING, Evidence, Gathered
 
 WINDOWS: Final = (10, 20, 40, 80, 160)
 """Lengths over which evidence is gathered, in filtered samples: 0.5 to 8 s at 100 Hz."""
+KEPT: Final = WINDOWS[-1] + 1
+"""Filtered samples that the longest window needs."""
 FACTOR: Final = 2.0
 AGAIN: Final = 30.0
 """Time after a cause was answered in which the evidence of the arm that works on is learned, s: its motion shows more
@@ -52,48 +54,8 @@ SPREAD: Final = {"K": 0.3, "friction": 0.7}
 """Usual size of what is left of a drive's torque, and of friction in parts of what it was, as logarithms."""
 SHIFT: Final = 0.05
 """Usual size of what an encoder has shifted by without a jump, which single readings would show, rad or m."""
-_NOTHING: Final = 1e-12
 _UNSEEN: Final = 1e5
 """Size, in the units of causes, from which on nothing shows it."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Evidence:
-    """What the samples say of every cause, from the beginning on: sums with a row of zeros before, (N + 1, c).
-
-    Attributes:
-        names: the causes.
-        along: product of innovation and what a unit of the cause adds.
-        power: square of what it adds.
-        energy: square of the innovation, (N + 1, 1).
-        columns: what a unit of each cause adds to a sample, (N, n, c).
-    """
-
-    names: tuple[str, ...]
-    along: Array
-    power: Array
-    energy: Array
-    columns: Array
-
-    def over(self, window: int) -> tuple[Array, Array]:
-        """Likelihood ratio and size of every cause over the window that ends at every sample, (N, c) each."""
-        early = np.maximum(np.arange(1, len(self.along)) - window, 0)
-        along, power = (each[1:] - each[early] for each in (self.along, self.power))
-        power = np.maximum(power, _NOTHING)
-        return along**2 / power, along / power
-
-    def between(self, first: int, last: int | NDArray[np.intp]) -> tuple[Array, Array]:
-        """The same over the samples from one on and before another one, (c,) each, or before several, (N, c)."""
-        along = self.along[last] - self.along[first]
-        power = np.maximum(self.power[last] - self.power[first], _NOTHING)
-        return along**2 / power, along / power
-
-    def alike(self, cause: int, first: int, last: int) -> Array:
-        """Cosine between what a cause and every other one add to the samples, (c,)."""
-        columns = self.columns[first:last].reshape(-1, len(self.names))
-        length = np.maximum(np.linalg.norm(columns, axis=0), _NOTHING)
-        found: Array = np.abs(columns.T @ columns[:, cause]) / length / length[cause]
-        return found
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,6 +83,8 @@ class Drives:
         expected: what they are expected to need.
         bounds: lengths of windows, and the ratio of every cause, (c,), from which on it is evidence.
         alike: how many times larger likelihood ratios of healthy samples are than of white noise.
+        names: the causes.
+        least: least sizes of them that are told, (c,).
         alarm: the first evidence; None while there is none.
     """
 
@@ -128,16 +92,14 @@ class Drives:
         n = len(arm)
         self._arm = arm
         self.expected = Expected(arm)
-        self._times, self._innovation = np.zeros(0), np.zeros((0, n))
-        self._names = (
+        self.names = (
             "load",
             *(f"{kind}{j + 1}" for j in range(n) for kind in ("K", "friction", "bias", "push")),
         )
-        self._columns = np.zeros((0, n, len(self._names)))
-        self._rest = np.zeros(0), np.zeros((0, n)), np.zeros((0, n))
+        self._rows = Gathered(arm, self.expected, self.names)
         self._learned, self._most = 0, list[Array]()
-        self._least = np.array([_least(arm, name) for name in self._names])
-        self._largest = np.array([MOST.get(name.rstrip("0123456789"), _UNSEEN) for name in self._names])
+        self.least = np.array([_least(arm, name) for name in self.names])
+        self._largest = np.array([MOST.get(name.rstrip("0123456789"), _UNSEEN) for name in self.names])
         self.bounds, self.alike = list[tuple[int, Array]](), 1.0
         self._count = self._first = 0
         self.alarm: Alarm | None = None
@@ -159,8 +121,8 @@ class Drives:
         """
         learned = filtered(self._arm, t, q, effort)
         self.expected.learn(learned)
-        self._add(learned)
-        evidence = self._evidence()
+        self._rows.learned(learned, t, q, effort)
+        evidence = self._rows.evidence()
         for window in WINDOWS:
             healthy = evidence.over(window)[0][window:-1]
             if not len(healthy):  # as long as the stretch that was learned, of which nothing is known
@@ -168,14 +130,10 @@ class Drives:
             self.alike = max(self.alike, float(healthy.mean()))
             self.bounds.append((window, np.maximum(FACTOR * healthy.max(axis=0), LEAST)))
         self._count = self._first = len(learned.t)
-        used = EVERY * len(learned.t)
-        self._rest = t[used:], q[used:], effort[used:]
 
     def forget(self) -> None:
         """Begins a new stretch after samples that nobody knows."""
-        n = len(self._arm)
-        self._rest = np.zeros(0), np.zeros((0, n)), np.zeros((0, n))
-        self._times, self._innovation, self._columns = self._times[:0], self._innovation[:0], self._columns[:0]
+        self._rows.forget()
         self._first = self._count
 
     def resume(self, adjustment: Adjustment | None) -> None:
@@ -183,7 +141,7 @@ class Drives:
         self.alarm = None
         if adjustment is not None:
             self._learned = self._count + self._after(AGAIN)
-            self._most = [np.zeros(len(self._names)) for _ in self.bounds]
+            self._most = [np.zeros(len(self.names)) for _ in self.bounds]
             self.expected.adjust(np.array(adjustment.friction), adjustment.load)
 
     def follow(self, t: Array, q: Array, effort: Array) -> ChainFinding | None:
@@ -194,32 +152,30 @@ class Drives:
             q: what the encoders read, (N, n).
             effort: what acts at the samples, (N, n).
         """
-        rows = [np.concatenate(pair) for pair in zip(self._rest, (t, q, effort), strict=True)]
-        made = max(0, (len(rows[0]) - WINDOW) // EVERY + 1)
+        made = self._rows.follow(t, q, effort)
         if not made:
-            self._rest = rows[0], rows[1], rows[2]
             return None
-        used = EVERY * (made - 1) + WINDOW
-        self._add(filtered(self._arm, *(row[:used] for row in rows)))
-        self._rest = rows[0][EVERY * made :], rows[1][EVERY * made :], rows[2][EVERY * made :]
         self._count += made
-        evidence = self._evidence()
-        begin = self._count - len(self._times)
+        evidence = self._rows.evidence()
+        begin = self._count - len(self._rows.times)
         if self.alarm is None:
             self.alarm = self._alarmed(evidence, begin, made)
         found = self._due(evidence, made)
-        self._shorten()
+        self._rows.shorten(KEPT + self._after(LATER))
         return found
 
     def visible(self) -> dict[str, float]:
         """Least size of every cause that the last seconds would have shown; inf where nothing would have."""
-        found = np.full(len(self._names), np.inf)
+        found = np.full(len(self.names), np.inf)
         for window, bound in self.bounds:
-            power = np.einsum("njc,njc->c", self._columns[-window:], self._columns[-window:])
-            found = np.minimum(found, np.sqrt(bound / np.maximum(power, _NOTHING)))
-        sizes = np.where(found < self._largest, np.maximum(found, self._least), np.inf)
-        sizes *= [self._unit(name) for name in self._names]
-        return dict(zip(self._names, sizes.tolist(), strict=True))
+            found = np.minimum(found, np.sqrt(bound / np.maximum(self._rows.power(window), NOTHING)))
+        sizes = np.where(found < self._largest, np.maximum(found, self.least), np.inf)
+        sizes *= [self._unit(name) for name in self.names]
+        return dict(zip(self.names, sizes.tolist(), strict=True))
+
+    def sure(self, samples: int) -> float:
+        """Difference of likelihood ratios over some filtered samples that is evidence of any cause."""
+        return max(float(bound.max()) for window, bound in self.bounds if window <= max(samples, WINDOWS[0]))
 
     @property
     def named(self) -> bool:
@@ -232,7 +188,7 @@ class Drives:
 
     def name(self) -> ChainFinding | None:
         """The cause from the samples so far, if there is evidence, though less time than LATER has passed since."""
-        return None if self.alarm is None else self._cause(self._evidence(), self.alarm, self._count)
+        return None if self.alarm is None else self._cause(self._rows.evidence(), self.alarm, self._count)
 
     def _after(self, time: float) -> int:
         return round(time / self._arm.period / EVERY)
@@ -246,10 +202,10 @@ class Drives:
         return None if last is None else self._cause(evidence, self.alarm, last)
 
     def _cause(self, evidence: Evidence, alarm: Alarm, last: int) -> ChainFinding:
-        begin = self._count - len(self._times)
+        begin = self._count - len(self._rows.times)
         first = max(self._first, alarm.sample + 1 - alarm.window, begin)
         end = min(last, alarm.sample + 1 + self._after(LATER), self._count)
-        found = _named(evidence, first - begin, alarm.sample + 1 - begin, end - begin, self.alike, alarm.time)
+        found = named(evidence, first - begin, alarm.sample + 1 - begin, end - begin, self.alike, alarm.time)
         return replace(found, size=found.size * self._unit(found.cause))
 
     def _unit(self, cause: str) -> float:
@@ -260,7 +216,7 @@ class Drives:
 
     def _alarmed(self, evidence: Evidence, begin: int, made: int) -> Alarm | None:
         """The first of the last samples for which some window is evidence enough."""
-        fresh = max(0, len(self._times) - made)
+        fresh = max(0, len(self._rows.times) - made)
         best: Alarm | None = None
         learns = self._learns()
         for k, (window, bound) in enumerate(self.bounds):
@@ -269,12 +225,12 @@ class Drives:
                 self._most[k] = np.maximum(self._most[k], ratio[fresh:].max(axis=0))
                 bound = CAUTION * bound
             sizes = np.abs(size[fresh:])
-            enough = (ratio[fresh:] > bound) & (sizes > self._least) & (sizes < self._largest)
+            enough = (ratio[fresh:] > bound) & (sizes > self.least) & (sizes < self._largest)
             enough[: max(0, window - 1 - fresh)] = False  # what is shorter has the bound of a shorter window
             sure = np.flatnonzero(enough.any(axis=1))
             if len(sure) and (best is None or begin + fresh + int(sure[0]) < best.sample):
                 at = fresh + int(sure[0])
-                time = float(self._times[at]) + (WINDOW // 2 + ahead(self._arm)) * self._arm.period
+                time = float(self._rows.times[at]) + (WINDOW // 2 + ahead(self._arm)) * self._arm.period
                 best = Alarm(begin + at, window, time)
         return best
 
@@ -290,31 +246,8 @@ class Drives:
             self._most = []
         return False
 
-    def _add(self, log: Filtered) -> None:
-        innovation, causes = self.expected.evidence(log)
-        columns = np.stack([causes[name] for name in self._names], axis=2)
-        self._times = np.concatenate([self._times, log.t])
-        self._innovation = np.concatenate([self._innovation, innovation])
-        self._columns = np.concatenate([self._columns, columns])
 
-    def _shorten(self) -> None:
-        """Keeps what the longest window and the naming of a cause need."""
-        kept = WINDOWS[-1] + self._after(LATER) + 1
-        self._times, self._innovation = self._times[-kept:], self._innovation[-kept:]
-        self._columns = self._columns[-kept:]
-
-    def _evidence(self) -> Evidence:
-        innovation, columns = self._innovation, self._columns
-        rows = (
-            np.einsum("nj,njc->nc", innovation, columns),
-            np.einsum("njc,njc->nc", columns, columns),
-            np.sum(innovation**2, axis=1, keepdims=True),
-        )
-        along, power, energy = (np.vstack([np.zeros((1, each.shape[1])), np.cumsum(each, axis=0)]) for each in rows)
-        return Evidence(self._names, along, power, energy, columns)
-
-
-def _named(evidence: Evidence, first: int, alarm: int, last: int, alike: float, time: float) -> ChainFinding:
+def named(evidence: Evidence, first: int, alarm: int, last: int, alike: float, time: float) -> ChainFinding:
     """The most probable cause of samples, and those that they do not tell from it.
 
     A cause began at some sample up to the alarm, and a push may be over before the last one. What the best cause

@@ -12,10 +12,12 @@ from typing import Final
 import msgspec
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
 
 from dtwin.arm.chain import Arm, Array
 from dtwin.monitoring.chain.finding import ChainFinding
 
+Mask = NDArray[np.bool_]
 STILL: Final = 20
 """Samples over which a reading may repeat itself or a joint may stay."""
 _FACTOR: Final = 2.0
@@ -95,8 +97,11 @@ class Encoders:
         self._held = np.array(habits.held)
         self._errors = np.array(habits.error)
 
-    def first(self, t: Array, q: Array, target: Array, new: int) -> ChainFinding | None:
-        """The first jump, repetition or stay whose last sample is one of the last `new` ones; None if there is none.
+    def jump(self, t: Array, q: Array, target: Array, new: int) -> ChainFinding | None:
+        """The first jump whose last sample is one of the last `new` ones; None if there is none.
+
+        An encoder jumps alone, and that of an arm that kept to its path until then: what is away from it has a
+        cause already, and where another joint is thrown off it, an impact has moved both.
 
         Args:
             t: times of samples, (N,), s; what comes before the new ones is looked at for STILL samples.
@@ -104,15 +109,22 @@ class Encoders:
             target: desired positions, (N, n).
             new: number of samples that have not been looked at before.
         """
-        found = [*self._jumps(t, q, target, new), *self._stays(t, q, target, new)]
-        return min(found, key=lambda each: each.time, default=None)
+        return min(self._jumps(t, q, target, new), key=lambda each: each.time, default=None)
+
+    def stay(self, t: Array, q: Array, target: Array, new: int) -> ChainFinding | None:
+        """The first repetition or stay whose last sample is one of the last `new` ones: see `jump`."""
+        return min(self._stays(t, q, target, new), key=lambda each: each.time, default=None)
 
     def repeats(self, time: float, joint: int) -> ChainFinding:
         """A reading that repeats itself while the feedback presses on its joint: time, s, and index of the joint."""
-        return self._stay(time, np.zeros(STILL + 1), joint)
+        return self._stay(time, np.zeros(STILL + 1), np.zeros(STILL + 1), joint)
 
-    def _stay(self, time: float, read: Array, joint: int) -> ChainFinding:
-        kinds = self._kinds(read, joint)
+    def near(self, joint: int) -> float:
+        """Way within which the readings of a joint that stands stay, by its index, rad or m."""
+        return float(_NEAR * self._steps[joint] + 6.0 * self._noise)
+
+    def _stay(self, time: float, read: Array, off: Array, joint: int) -> ChainFinding:
+        kinds = self._kinds(read, off, joint)
         name, *others = (f"{kind}{joint + 1}" for kind in kinds)
         return ChainFinding(time, name, 0.0, tuple(others), 1.0 / len(kinds))
 
@@ -123,11 +135,23 @@ class Encoders:
         size = np.abs(jump)
         alone = np.abs(away - jump) < self._drift + _ALONE * size
         jumps = (size > self._largest) & (change < _SAME * size) & alone
+        jumps &= self._kept(q - target)[:, None] & self._unmoved(q - target)
         first = max(0, len(jump) - new)
         for j in np.flatnonzero(jumps[first:].any(axis=0)):
             k = first + int(np.argmax(jumps[first:, j]))
             off = (q - target)[k : k + 3, j]  # what follows the jump is what the arm does about it
             yield ChainFinding(float(t[k + 3]), f"bias{j + 1}", float(off[2] - 2.0 * off[1] + off[0]))
+
+    def _kept(self, off: Array) -> Mask:
+        """Whether all joints were near to their paths before, as a healthy arm is, (N - 3,), by ways off, (N, n)."""
+        kept: Mask = (np.abs(off[:-3]) <= _FACTOR * self._errors + self._largest).all(axis=1)
+        return kept
+
+    def _unmoved(self, off: Array) -> Mask:
+        """Whether no other joint was thrown off its path meanwhile, (N - 3, n)."""
+        thrown = np.abs(np.diff(off, 2, axis=0))[:-1] > self._largest
+        unmoved: Mask = thrown.sum(axis=1)[:, None] == thrown
+        return unmoved
 
     def _stays(self, t: Array, q: Array, target: Array, new: int) -> Iterator[ChainFinding]:
         if len(t) <= STILL:
@@ -142,19 +166,25 @@ class Encoders:
         first = max(0, len(led) - new)
         for j in np.flatnonzero(stays[first:].any(axis=0)):
             k = first + int(np.argmax(stays[first:, j]))
-            yield self._stay(float(t[k + STILL]), q[k : k + STILL + 1, j], int(j))
+            rows = slice(k, k + STILL + 1)
+            yield self._stay(float(t[k + STILL]), q[rows, j], (q - target)[rows, j], int(j))
 
-    def _kinds(self, read: Array, joint: int) -> tuple[str, ...]:
-        """What a stay may be, the likelier first, from its readings, (STILL + 1,).
+    def _kinds(self, read: Array, off: Array, joint: int) -> tuple[str, ...]:
+        """What a stay may be, the likelier first, from its readings and their way from the path, (STILL + 1,) each.
 
-        The readings of a locked joint differ by the noise of its encoder, unless that is hidden by its steps.
+        The readings of a locked joint differ by the noise of its encoder, unless that is hidden by its steps. An
+        encoder that stops does so while its joint is where it shall be.
         """
         changes = np.flatnonzero(np.diff(read))
         equal = len(read) if not len(changes) else len(read) - 1 - int(changes[-1])
-        if equal < _REPEATED:
+        led = len(changes) > 0 and abs(off[-equal]) > _FACTOR * self._errors[joint] + self.near(joint)
+        if equal < _REPEATED or led:
             return ("lock",)
+        ways = np.diff(read)[changes]
+        if equal <= STILL // 2 and ways.min() < 0.0 < ways.max():  # noise at rest, and no slow motion before a stop
+            return ("lock", "freeze")
         exact = self._noise > 0.0 and self._steps[joint] < 4.0 * self._noise
-        return ("freeze",) if exact and equal > STILL // 2 else ("freeze", "lock")
+        return ("freeze",) if exact else ("freeze", "lock")
 
 
 def _near(steps: Array, noise: float, led: Array) -> Array:

@@ -193,6 +193,16 @@ class Expected:
         self._now[11 * n : 14 * n] *= np.tile(1.0 + (friction - 1.0) / self.share, 3)
         self._now[10 * (n - 1) : 10 * n] += load * self._mass
 
+    def needed(self, log: Filtered) -> Array:
+        """What the drives need for the motion of a log, (N, n), in their units."""
+        found: Array = self._columns(log) @ self._now
+        return found
+
+    def innovation(self, log: Filtered) -> Array:
+        """What the commands are beyond that, (N, n), in parts of the noise; 0 where nobody knows."""
+        found: Array = self._weights(log) / self.noise * (log.effort - self.needed(log))
+        return found
+
     def evidence(self, log: Filtered) -> tuple[Array, dict[str, Array]]:
         """What the commands are beyond their expectation, (N, n), in parts of the noise; 0 where nobody knows.
 

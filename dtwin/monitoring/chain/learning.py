@@ -59,7 +59,7 @@ class Learning:
         self._needed = self._healthy
         self._seen = self._laden = 0
         self.begin: float | None = None
-        self._rows: list[tuple[Array, Array, Array, Array]] = []
+        self._rows: list[Samples] = []
         self._half = self._fresh(0.5 * self._healthy)
 
     @property
@@ -78,10 +78,10 @@ class Learning:
             known = self._seen
             count, self._seen = enough(effort[done:], known, self._needed / self._arm.period)
             rows = slice(done, done + count)
-            part = t[rows], q[rows], target[rows], effort[rows]
+            part = Samples(t[rows], q[rows], target[rows], effort[rows], (effort if acting is None else acting)[rows])
             self._laden += count - (self._seen - known)
             self._rows.append(part)
-            self._half.follow(*part)
+            self._half.follow(*part[:4])
             done += count
             if done < len(t):
                 self._decide()
@@ -111,7 +111,7 @@ class Learning:
         """Takes a stretch that has ended for known, or learns a longer one."""
         self._half.end()
         whole = self._fresh(self._needed)
-        whole.follow(*(np.concatenate([part[k] for part in self._rows]) for k in range(4)))
+        whole.follow(*(np.concatenate(rows) for rows in zip(*self._rows, strict=True)))
         if self._half.finding is None:
             self.watch, self._rows = whole, []
             return

@@ -75,7 +75,7 @@ class ArmMonitor:
         if not len(t):
             return
         if self._watch is None:
-            self._learn(t, q, target, effort)
+            self._learn(t, q, target, effort, acting)
         else:
             self._watch.follow(t, q, target, effort, acting)
         self.time = float(t[-1])
@@ -146,10 +146,10 @@ class ArmMonitor:
             found.others,
         )
 
-    def _learn(self, t: Array, q: Array, target: Array, effort: Array) -> None:
+    def _learn(self, t: Array, q: Array, target: Array, effort: Array, acting: Array | None) -> None:
         """Notes when the arm is known, and every stretch that did not suffice."""
         short = self._learning.doubt
-        self._learning.follow(t, q, target, effort)
+        self._learning.follow(t, q, target, effort, acting)
         self._watch = self._learning.watch
         if self._learning.doubt is not short:
             self._note(EventKind.MISFIT, f"{self._learning.words()}; it is learned for longer")

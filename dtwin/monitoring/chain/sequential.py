@@ -14,10 +14,12 @@ import numpy as np
 
 from dtwin.arm.adjustment import Adjustment
 from dtwin.arm.chain import Arm, Array
+from dtwin.arm.samples import Samples
+from dtwin.monitoring.chain.carrying import Carrying
 from dtwin.monitoring.chain.drives import Drives
-from dtwin.monitoring.chain.encoders import STILL, Encoders, Habits, habits_of
+from dtwin.monitoring.chain.encoders import Habits, habits_of
 from dtwin.monitoring.chain.finding import ChainFinding
-from dtwin.monitoring.chain.pressed import Pressed
+from dtwin.monitoring.chain.readings import Readings
 
 HEALTHY: Final = 60.0
 """Time from the beginning in which the arm is taken to be healthy, s: that in which nobody knows what it carries does
@@ -53,16 +55,15 @@ class FirstFault:
     def __init__(self, arm: Arm, healthy: float = HEALTHY) -> None:
         self._arm = arm
         self._healthy = healthy
-        self._learning: list[tuple[Array, Array, Array, Array]] = []
+        self._learning: list[Samples] = []
         self._seen = 0
         self._begin: float | None = None
-        self._encoders: Encoders | None = None
-        self._pressed: Pressed | None = None
+        self._readings: Readings | None = None
+        self._carrying: Carrying | None = None
         self.drives: Drives | None = None
         self.habits: Habits | None = None
-        self._last = _none(len(arm))
         self._offset, self._strength = np.zeros(len(arm)), np.ones(len(arm))
-        self._of_encoder = self._starts = False
+        self._at_once = self._starts = False
         self.time = 0.0
         self.finding: ChainFinding | None = None
 
@@ -85,7 +86,7 @@ class FirstFault:
     @property
     def settled(self) -> bool:
         """Whether the cause that was found is not going to change any more."""
-        named = self.drives is not None and (self._of_encoder or self.drives.named)
+        named = self.drives is not None and (self._at_once or self.drives.named)
         return self.finding is not None and named
 
     def hidden(self) -> dict[str, float]:
@@ -99,12 +100,13 @@ class FirstFault:
 
     def forget(self) -> None:
         """Begins a new stretch after samples that nobody knows; what is not learned yet is learned anew."""
-        self._last = _none(len(self._arm))
         self._learning, self._seen, self._begin = [], 0, None
         if self.drives is not None:
             self.drives.forget()
-        if self._pressed is not None:
-            self._pressed.forget()
+        if self._readings is not None:
+            self._readings.forget()
+        if self._carrying is not None:
+            self._carrying.forget()
 
     def resume(self, adjustment: Adjustment | None = None) -> None:
         """Goes on after a finding that is over, or that the blocks count on now.
@@ -112,8 +114,10 @@ class FirstFault:
         Args:
             adjustment: what they count on beside the arm as it was learned; as before if None.
         """
-        self.finding, self._of_encoder = None, False
+        self.finding, self._at_once = None, False
         self.forget()
+        if self._readings is not None:
+            self._readings.resume()
         if adjustment is not None:
             self._offset, self._strength = np.array(adjustment.offset), np.array(adjustment.strength)
         if self.drives is not None:
@@ -140,54 +144,49 @@ class FirstFault:
             return
         q, effort, acting = q - self._offset, effort * self._strength, acting * self._strength
         if self.drives is None:
-            healthy = self._learn(t, q, target, effort)
+            healthy = self._learn(Samples(t, q, target, effort, acting))
             t, q, target, effort, acting = (each[healthy:] for each in (t, q, target, effort, acting))
         if self.drives is not None and len(t):
-            self._judge((t, q, target), effort, acting if judged else None)
+            self._judge(Samples(t, q, target, effort, acting), judged)
 
     def end(self) -> None:
         """Names what there is evidence of, as no sample follows; what is small by then counts as none."""
         if self.drives is not None and not self.settled:
+            jump = None if self._readings is None else self._readings.jump
             found = self.finding or self.drives.name()
-            self.finding = None if self.drives.is_small(found) else found
+            self.finding = jump if self.drives.is_small(found) else jump or found
 
-    def _learn(self, t: Array, q: Array, target: Array, effort: Array) -> int:
+    def _learn(self, new: Samples) -> int:
         """Takes samples of the healthy stretch; returns how many of them belong to it."""
-        count, self._seen = enough(effort, self._seen, self._healthy / self._arm.period)
-        self._learning.append((t[:count], q[:count], target[:count], effort[:count]))
-        self.time = float(t[max(count - 1, 0)])
-        if count < len(t):
-            times, positions, wanted, efforts = (
-                np.concatenate([each[k] for each in self._learning]) for k in range(4)
-            )
+        count, self._seen = enough(new.effort, self._seen, self._healthy / self._arm.period)
+        self._learning.append(new.rows(slice(count)))
+        self.time = float(new.t[max(count - 1, 0)])
+        if count < len(new.t):
+            known = Samples(*(np.concatenate(rows) for rows in zip(*self._learning, strict=True)))
             drives = Drives(self._arm)
-            drives.learn(times, positions, efforts)
-            self._know(drives, habits_of(self._arm, positions, wanted))
+            drives.learn(known.t, known.q, known.effort)
+            self._know(drives, habits_of(self._arm, known.q, known.target)).learn(known)
             self._learning = []
         return count
 
-    def _know(self, drives: Drives, habits: Habits) -> None:
+    def _know(self, drives: Drives, habits: Habits) -> Carrying:
         self.drives, self.habits = drives, habits
-        self._encoders = Encoders(self._arm, habits)
-        self._pressed = Pressed(drives.expected.dry, drives.expected.noise)
+        self._readings = Readings(self._arm, drives, habits)
+        self._carrying = Carrying(self._arm, drives)
+        return self._carrying
 
-    def _judge(self, motion: tuple[Array, Array, Array], effort: Array, acting: Array | None) -> None:
-        assert self._encoders is not None
-        assert self._pressed is not None
+    def _judge(self, new: Samples, rests: bool) -> None:
+        assert self._readings is not None
+        assert self._carrying is not None
         assert self.drives is not None
-        t, q, target = motion
-        new = len(t)
-        rows = [np.concatenate(pair) for pair in zip(self._last, motion, strict=True)]
-        times, positions, wanted = rows
-        self._last = times[-STILL:], positions[-STILL:], wanted[-STILL:]
-        self.time = float(t[-1])
+        self.time = float(new.t[-1])
         if self.settled:
             return
-        named = self.drives.follow(t, q, effort)
-        told = self._encoders.first(times, positions, wanted, new)
-        if acting is not None:
-            pressed = self._pressed.first(t, q, target, acting, np.isnan(effort[:, 0]))
-            told = self._encoders.repeats(*pressed) if told is None and pressed is not None else told
+        named = self.drives.follow(new.t, new.q, new.effort)
+        told = self._readings.follow(new, rests)
+        pushed = self._carrying.follow(new) if rests else None
+        if told is None and self.drives.alarm is None:
+            told = pushed
         self.finding = named or self.finding
         small = named is not None and self.drives.named and self.drives.is_small(named)
         if small and told is None:
@@ -197,9 +196,9 @@ class FirstFault:
             return
         alarm = None if small else self.drives.alarm
         if alarm is None:
-            self.finding, self._of_encoder = told, True
+            self.finding, self._at_once = told, True
         elif told.time <= alarm.time + EXPLAINS:
-            self.finding, self._of_encoder = replace(told, time=min(told.time, alarm.time)), True
+            self.finding, self._at_once = replace(told, time=min(told.time, alarm.time)), True
 
 
 def enough(effort: Array, seen: int, needed: float) -> tuple[int, int]:
@@ -224,7 +223,3 @@ def usual_size(arm: Arm, cause: str) -> float:
     if kind == "load":
         return LOADED * arm.most_load
     return PUSHED * arm.joints[int(cause[len(kind) :]) - 1].largest if kind == "push" else USUAL[kind]
-
-
-def _none(joints: int) -> tuple[Array, Array, Array]:
-    return np.zeros(0), np.zeros((0, joints)), np.zeros((0, joints))

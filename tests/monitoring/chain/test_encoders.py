@@ -17,7 +17,9 @@ T: Array = ARM.period * np.arange(100.0)
 def found(q: Array, target: Array) -> ChainFinding | None:
     """What is found of the second joint, where the first one does as it shall."""
     other = np.zeros_like(q)
-    return Encoders(ARM, HABITS).first(T, np.stack([other, q], 1), np.stack([other, target], 1), len(T))
+    rows = T, np.stack([other, q], 1), np.stack([other, target], 1), len(T)
+    encoders = Encoders(ARM, HABITS)
+    return encoders.stay(*rows) or encoders.jump(*rows)
 
 
 @pytest.mark.parametrize("speed", [0.1, 0.2])
@@ -45,3 +47,21 @@ def test_a_jump_is_as_large_as_it_is_read_whatever_the_arm_does_about_it() -> No
     told = found(target + np.where(np.arange(100) >= 60, jump, 0.0) - answer, target)
     assert told is not None
     assert (told.cause, told.size) == ("bias2", pytest.approx(jump))
+
+
+def test_a_jump_beside_a_joint_that_is_away_from_its_path_is_none() -> None:
+    """What a locked or struck joint does to another one looks like a jump for some samples."""
+    target, jump = 0.5 * T, np.where(np.arange(100) >= 60, 0.02, 0.0)
+    for other, told in ((np.zeros_like(T), True), (np.full_like(T, 0.1), False), (0.5 * jump, False)):
+        q, path = np.stack([other, target + jump], 1), np.stack([np.zeros_like(T), target], 1)
+        assert (Encoders(ARM, HABITS).jump(T, q, path, len(T)) is not None) == told
+
+
+@pytest.mark.parametrize(("away", "causes"), [(0.004, ("lock2", "freeze2")), (0.05, ("lock2",))])
+def test_an_encoder_stops_where_its_joint_shall_be(away: float, causes: tuple[str, ...]) -> None:
+    """Readings that change while their joint stays away from its path are those of an encoder that works."""
+    read = np.where(np.arange(100) < 50, np.arange(100) % 2, 0.0) * ARM.joints[1].step
+    target = away + 0.5 * np.clip(T - T[50], 0.0, None)
+    told = found(read, target)
+    assert told is not None
+    assert (told.cause, *told.others) == causes
