@@ -33,7 +33,7 @@ _CREPT: Final = 0.01
 """The same where it is farther from its path than friction explains, rad or m."""
 _NEAR: Final = 3.0
 """Steps of an encoder within which a joint stays."""
-_GRIPPED: Final = 5.0
+GRIPPED: Final = 5.0
 """Friction by which a joint may be held without being locked, in parts of what it was: what recovery compensates."""
 _PART: Final = 0.1
 """Part of the way on which it is led within which it stays."""
@@ -111,9 +111,18 @@ class Encoders:
         """
         return min(self._jumps(t, q, target, new), key=lambda each: each.time, default=None)
 
-    def stay(self, t: Array, q: Array, target: Array, new: int) -> ChainFinding | None:
-        """The first repetition or stay whose last sample is one of the last `new` ones: see `jump`."""
-        return min(self._stays(t, q, target, new), key=lambda each: each.time, default=None)
+    def stay(self, t: Array, q: Array, target: Array, new: int, pressed: Mask | None = None) -> ChainFinding | None:
+        """The first repetition or stay whose last sample is one of the last `new` ones: see `jump`.
+
+        Args:
+            t: times of samples, (N,), s.
+            q: what the encoders read, (N, n).
+            target: desired positions, (N, n).
+            new: number of samples that have not been looked at before.
+            pressed: whether drives press on their joints by more than friction could hold, (N, n): only then one is
+                locked for sure. None to ask no drive.
+        """
+        return min(self._stays(t, q, target, new, pressed), key=lambda each: each.time, default=None)
 
     def repeats(self, time: float, joint: int) -> ChainFinding:
         """A reading that repeats itself while the feedback presses on its joint: time, s, and index of the joint."""
@@ -153,21 +162,24 @@ class Encoders:
         unmoved: Mask = thrown.sum(axis=1)[:, None] == thrown
         return unmoved
 
-    def _stays(self, t: Array, q: Array, target: Array, new: int) -> Iterator[ChainFinding]:
+    def _stays(self, t: Array, q: Array, target: Array, new: int, pressed: Mask | None) -> Iterator[ChainFinding]:
         if len(t) <= STILL:
             return
         led = np.abs(target[STILL:] - target[:-STILL])
         width, held = _width(q), _FACTOR * self._held
         repeats = (width == 0.0) & (led > np.maximum(_LED, held))
         # Friction gives way once its joint is so far behind that the feedback presses hard enough; a lock never does.
-        far = np.abs(q - target)[STILL:] > _GRIPPED * self._errors
+        far = np.abs(q - target)[STILL:] > GRIPPED * self._errors
         left = far & (led > np.maximum(_CREPT, held)) & (width <= _PART * led)
         stays = (width <= _near(self._steps, self._noise, led)) & (repeats | left)
         first = max(0, len(led) - new)
         for j in np.flatnonzero(stays[first:].any(axis=0)):
-            k = first + int(np.argmax(stays[first:, j]))
-            rows = slice(k, k + STILL + 1)
-            yield self._stay(float(t[k + STILL]), q[rows, j], (q - target)[rows, j], int(j))
+            for k in (first + np.flatnonzero(stays[first:, j])).tolist():
+                rows = slice(k, k + STILL + 1)
+                found = self._stay(float(t[k + STILL]), q[rows, j], (q - target)[rows, j], int(j))
+                if found.kind != "lock" or found.others or pressed is None or pressed[k + STILL, j]:
+                    yield found
+                    break
 
     def _kinds(self, read: Array, off: Array, joint: int) -> tuple[str, ...]:
         """What a stay may be, the likelier first, from its readings and their way from the path, (STILL + 1,) each.

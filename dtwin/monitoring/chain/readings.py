@@ -10,14 +10,16 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dtwin.arm.chain import Arm
 from dtwin.arm.samples import Samples
 from dtwin.monitoring.chain.drives import SURE, Drives
-from dtwin.monitoring.chain.encoders import STILL, Encoders, Habits
+from dtwin.monitoring.chain.encoders import GRIPPED, STILL, Encoders, Habits
+from dtwin.monitoring.chain.expected import WINDOW
 from dtwin.monitoring.chain.finding import ChainFinding
 from dtwin.monitoring.chain.pressed import Pressed
-from dtwin.monitoring.chain.standing import PAST, standing
+from dtwin.monitoring.chain.standing import PAST, smoothed, standing
 
 STAYED: Final = 0.5
 """Time after which a jump is an offset if no joint was found to stay meanwhile, s: what a joint that is locked or
@@ -75,6 +77,9 @@ class Readings:
         self._past = past.rows(slice(-PAST, None))
         last = past.rows(slice(-(len(new.t) + STILL), None))
         stay = self._encoders.stay(last.t, last.q, last.target, len(new.t))
+        if stay is not None and stay.kind == "lock" and not stay.others:
+            pressed = self._press(past)[-len(last.t) :]
+            stay = self._encoders.stay(last.t, last.q, last.target, len(new.t), pressed)
         if stay is None and rests:
             pressed = self._pressed.first(new.t, new.q, new.target, new.acting, np.isnan(new.effort[:, 0]))
             stay = None if pressed is None else self._encoders.repeats(*pressed)
@@ -89,6 +94,19 @@ class Readings:
             return None
         found, self._jump = self._jump, None
         return found
+
+    def _press(self, past: Samples) -> NDArray[np.bool_]:
+        """Whether drives press on their joints by more than dry friction GRIPPED times as strong would hold, (N, n).
+
+        So they may where nobody knows what they need, while something is held, or for how short a time.
+        """
+        expected, pressed = self._drives.expected, np.ones(past.q.shape, dtype=bool)
+        for rows in np.ma.clump_unmasked(np.ma.masked_invalid(past.effort[:, 0])):
+            known = past.rows(rows)
+            if len(known.t) >= WINDOW:
+                beyond = known.effort - expected.needed(smoothed(self._arm, known.q, known.effort))
+                pressed[rows] = np.abs(beyond) > GRIPPED * expected.dry
+        return pressed
 
     def _is_late(self, jump: ChainFinding) -> bool:
         """Whether there was evidence of something else before it."""

@@ -50,13 +50,13 @@ def standing(
     if arm.servos or first < 0 or len(q) - begin < WINDOW + 1 or not np.isfinite(effort[first:]).all():
         return None  # the loop of a servo answers what it measures, which may be another reading
     q, effort = q[first:], effort[first:]
-    stands = _filtered(arm, q, effort)
+    stands = smoothed(arm, q, effort)
     for values, at_rest in ((stands.q, q[-1, joint]), (stands.qd, 0.0), (stands.qdd, 0.0)):
         values[_BEFORE:, joint] = at_rest
     unseen = q.copy()
     speed = (q[_BEFORE, joint] - q[_BEFORE - _SPEED, joint]) / (_SPEED * arm.period)
     unseen[_BEFORE:, joint] = _way(arm, expected, stands, effort, joint, speed)
-    moves = _filtered(arm, unseen, effort)
+    moves = smoothed(arm, unseen, effort)
     judged = slice(_BEFORE + _HALF, len(q) - _HALF)
     left = [np.delete(expected.innovation(log)[judged], joint, axis=1) for log in (stands, moves)]
     energy = [float(np.sum(each**2)) for each in left]
@@ -64,7 +64,7 @@ def standing(
     return (energy[1] - energy[0]) / (EVERY * worse), len(left[0]) // EVERY
 
 
-def _filtered(arm: Arm, q: Array, effort: Array) -> Filtered:
+def smoothed(arm: Arm, q: Array, effort: Array) -> Filtered:
     """All samples with their velocities and accelerations, and what acted filtered alike."""
     known: NDArray[np.bool_] = np.ones(len(q), dtype=bool)
     from scipy.signal import savgol_filter  # takes long to load, and is needed where a joint stays alone

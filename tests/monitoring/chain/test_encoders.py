@@ -65,3 +65,18 @@ def test_an_encoder_stops_where_its_joint_shall_be(away: float, causes: tuple[st
     told = found(read, target)
     assert told is not None
     assert (told.cause, *told.others) == causes
+
+
+def test_a_joint_that_friction_holds_is_not_locked_for_sure_before_its_drive_presses() -> None:
+    target = 0.5 * T
+    q = np.where(np.arange(100) < 50, target, target[50]) + 1e-4 * np.sin(12.0 * np.arange(100))
+    rows = T, np.stack([np.zeros_like(T), q], 1), np.stack([np.zeros_like(T), target], 1), len(T)
+    encoders, pressed = Encoders(ARM, HABITS), np.zeros((100, 2), dtype=bool)
+    at_once = encoders.stay(*rows)
+    assert at_once is not None
+    assert (at_once.cause, at_once.others) == ("lock2", ())
+    assert encoders.stay(*rows, pressed) is None
+    pressed[90:, 1] = True
+    later = encoders.stay(*rows, pressed)
+    assert later is not None
+    assert (later.cause, later.time) == ("lock2", pytest.approx(T[90]))
