@@ -78,8 +78,8 @@ class Readings:
         last = past.rows(slice(-(len(new.t) + STILL), None))
         stay = self._encoders.stay(last.t, last.q, last.target, len(new.t))
         if stay is not None and stay.kind == "lock" and not stay.others:
-            pressed = self._press(past)[-len(last.t) :]
-            stay = self._encoders.stay(last.t, last.q, last.target, len(new.t), pressed)
+            presses = self._press(past)[-len(last.t) :]
+            stay = self._encoders.stay(last.t, last.q, last.target, len(new.t), presses)
         if stay is None and rests:
             pressed = self._pressed.first(new.t, new.q, new.target, new.acting, np.isnan(new.effort[:, 0]))
             stay = None if pressed is None else self._encoders.repeats(*pressed)
