@@ -18,10 +18,12 @@ from dtwin.arm.samples import Samples
 from dtwin.monitoring.chain.drives import FACTOR, KEPT, LATER, SOON, WINDOWS, Drives, named
 from dtwin.monitoring.chain.expected import EVERY, WINDOW
 from dtwin.monitoring.chain.finding import ChainFinding
-from dtwin.monitoring.chain.gathering import Gathered
+from dtwin.monitoring.chain.gathering import Evidence, Gathered
 
 _CLOSING: Final = 1.0
 """Time in which the gripper takes its load up, s."""
+_LASTS: Final = 0.9
+"""Share of a push's likelihood ratio from which on it may as well last."""
 _SHORT: Final = 3
 """Number of the shortest windows, in which a push is seen."""
 
@@ -127,11 +129,29 @@ class Carrying:
             if last < end and not (ended and last > ends[0]):
                 return None
             self._tried += 1
-            found = named(self._rows.evidence("load"), first, at + 1, last, self._drives.alike, time)
-            if found.kind == "push" and all(cause.startswith(("push", "bias")) for cause in found.others):
+            evidence = self._rows.evidence("load")
+            found = named(evidence, first, at + 1, last, self._drives.alike, time)
+            alone = found.kind == "push" and all(cause.startswith(("push", "bias")) for cause in found.others)
+            if alone and _is_over(evidence, found.cause, first, at + 1, last):
                 self._tried = len(ends)
                 return found
         return None
+
+
+def _is_over(evidence: Evidence, cause: str, first: int, alarm: int, last: int) -> bool:
+    """Whether samples speak for a push that has ended by the last one: what lasts may be a weak drive.
+
+    Args:
+        evidence: what the samples say.
+        cause: the push.
+        first: first sample.
+        alarm: sample after the one that gave the alarm.
+        last: sample after the last one.
+    """
+    j = evidence.names.index(cause)
+    ends = np.arange(alarm, last + 1)
+    ratios = np.array([evidence.between(begin, ends)[0][:, j] for begin in range(first, alarm)])
+    return bool(ratios[:, -1].max() < _LASTS * ratios.max())
 
 
 def _stretches(samples: Samples) -> Iterator[Samples]:
