@@ -31,6 +31,8 @@ def work_times(line: Line) -> dict[str, WorkTimes]:
     return {station.name: rehearsed(station) for station in line.stations}
 
 
+STANDING: Final = 90.0
+"""Time without a box that leaves, after which a line counts as standing, s."""
 _EDGES: Final = 1.05
 """Factor by which the rate of a simulation may be above what the busiest arm can do, as it begins with full slots."""
 _SPREAD: Final = 100
@@ -70,7 +72,9 @@ def best_rate(line: Line, station: str, now: Situation, counts: tuple[float, flo
         left = forward.left(now, way, counts[1] - now.plant.time)
         counted = [time for time, _ in left or () if counts[0] < now.plant.time + time]
         if len(counted) > 1:
-            best = max(best, 3600.0 * (len(counted) - 1) / (counted[-1] - counted[0]))
+            end = counts[1] - now.plant.time
+            until = counted[-1] if end - counted[-1] <= STANDING else end  # a line that stands lets nothing through
+            best = max(best, 3600.0 * (len(counted) - 1) / (until - counted[0]))
     return best
 
 

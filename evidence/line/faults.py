@@ -18,7 +18,7 @@ from dtwin.line.line import CYCLE, Line
 from dtwin.line.run import LineRun, LineSettings
 from dtwin.line.twins.decisions import Decision
 from evidence.experiment import SeriesCommand
-from evidence.line.best import best_rate, work_times
+from evidence.line.best import STANDING, best_rate, work_times
 from evidence.line.expected import Known, expected
 from evidence.line.otherwise import USUAL, Otherwise
 from evidence.report import Report, page, table
@@ -60,8 +60,6 @@ STILL: Final = 1e-5
 """Change of the path within a tick up to which an arm stands, rad."""
 SOON: Final = 10.0
 """Time in which work is to be shared out otherwise after a fault, s."""
-STANDING: Final = 90.0
-"""Time without a box that leaves, after which a line counts as standing, s."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ gripper is closed.
 from __future__ import annotations
 
 from collections import defaultdict, deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from statistics import median
 from typing import Final
 
@@ -88,19 +88,23 @@ class MeasuredWork:
         return max((newest[place] / first for place, first in self._first.items()), key=_change, default=1.0)
 
     def times(self, rehearsed: WorkTimes) -> WorkTimes:
-        """How long the arm takes, of what was not seen often enough as it was rehearsed."""
+        """How long the arm takes; to places to which it has brought too few boxes as much longer as to the others."""
         grip = _usual(self._grips) if len(self._grips) >= _ENOUGH else rehearsed.grip
-        carry, back = dict(rehearsed.carry), dict(rehearsed.back)
-        for place in rehearsed.carry:
-            if len(self._carries[place]) >= _ENOUGH:
-                carry[place] = _usual(self._carries[place])
-            busy = [each for each in self._backs[place] if each <= _IDLE * rehearsed.back[place]]
-            if len(busy) >= _ENOUGH:
-                back[place] = _usual(busy)
-        return WorkTimes(grip, carry, back)
+        busy = {
+            place: [each for each in self._backs[place] if each <= _IDLE * back]
+            for place, back in rehearsed.back.items()
+        }
+        return WorkTimes(grip, _measured(self._carries, rehearsed.carry), _measured(busy, rehearsed.back))
 
     def _since(self, tick: int) -> float:
         return (self._ticks - tick) * self._period
+
+
+def _measured(last: Mapping[str, Sequence[float]], rehearsed: Mapping[str, float]) -> dict[str, float]:
+    """The last times by the place; where there are too few, the rehearsed one as many times as long as elsewhere."""
+    known = {place: _usual(last[place]) for place in rehearsed if len(last.get(place, ())) >= _ENOUGH}
+    longer = median([known[place] / rehearsed[place] for place in known]) if known else 1.0
+    return {place: known.get(place, longer * time) for place, time in rehearsed.items()}
 
 
 def _usual(last: Sequence[float]) -> float:
