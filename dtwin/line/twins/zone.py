@@ -32,6 +32,10 @@ HOUR: Final = 3600.0
 """Such a time for a second look, which takes longer: vehicles charge some twenty minutes apart, s."""
 NEAR: Final = 0.9
 """Share of the most boxes at a first look from which on a way gets a second one."""
+ALIKE: Final = 0.995
+"""Share of the most boxes from which on ways are alike, and the one with fewest changes is taken."""
+ALIKE_LATER: Final = 0.97
+"""The same at a second look: a way that is in force is left for one that lets clearly more through."""
 SETTLING: Final = 60.0
 """Time after a change of the set-up in which boxes are still where they were before it, s."""
 _AT_ONCE: Final = 1.0
@@ -155,8 +159,9 @@ class ZoneTwin:
         def changes(flow: Flow) -> int:
             return sum(now.get(name) != station for name, station in flow.assignment.items())
 
+        alike = ALIKE if ahead <= AHEAD else ALIKE_LATER
         most = max(flow.rate for flow in found)
-        good = [flow for flow in found if flow.rate >= 0.995 * most]
+        good = [flow for flow in found if flow.rate >= alike * most]
         return min(good, key=lambda flow: (changes(flow), -flow.rate, sorted(flow.assignment.items())))
 
     def _from(self, now: Situation, assignment: Assignment, arrivals: Passing | None, ahead: float = AHEAD) -> Flow:
