@@ -147,7 +147,7 @@ def test_twins_that_propose_change_nothing_until_a_person_has_it_done() -> None:
 class FakeNode:
     """A twin of a station that has just found something."""
 
-    plan, doubt, rests, slowness = PLAN, "", True, 1.0
+    plan, doubt, rests, slowness = PLAN, "", True, None
 
     def __init__(self, capability: Capability) -> None:
         self.capability = capability
@@ -269,13 +269,17 @@ def test_an_arm_that_becomes_slower_is_told_once_though_nothing_is_found(monkeyp
     guard = Guard({"a2": node}, "act", hands)
     monkeypatch.setattr(FakeNode, "watch", lambda self, *words: [])
     told, abilities = [], []
-    for second, slowness in enumerate((1.0, 1.0, 1.05, 1.3, 1.32, 1.35, 1.02)):
+    for second, slowness in enumerate((None, 1.0, 1.05, 1.3, 1.32, 1.35, 1.0)):
         monkeypatch.setattr(FakeNode, "slowness", slowness)
         told.append(guard.look("a2", None, HOLDING, 0, 10.0 + second))
         abilities.append(node.capability.ability)
     assert [bool(reasons) for reasons in told] == [False, False, False, True, False, False, True]
     assert abilities == ["all", "all", "all", "slower", "slower", "slower", "all"]
     assert node.capability.places == ("blue", "red")
+    for second, slowness in enumerate((1.3, None, 1.05, 1.0)):  # settings that are changed, or a repair
+        monkeypatch.setattr(FakeNode, "slowness", slowness)
+        assert bool(guard.look("a2", None, HOLDING, 0, 20.0 + second)) == (slowness == 1.3)
+    del notes[2:]
     assert told[3] == ["a2 takes 1.30 times as long to bring a box as at first"]
     assert [(note.time, note.what, note.who) for note in notes] == [
         (13.0, "finding", "twin of a2"),

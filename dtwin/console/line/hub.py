@@ -195,10 +195,11 @@ class LineHub(Hub):
             answers.forget(Summary)  # That nobody answers must not make what is known of the line old.
         self.desks.look(self._is_there())
         if state is not None:
-            answers.ask(LINE_LOOK, LineLook, BUSY)
+            look = answers.ask(LINE_LOOK, LineLook, BUSY)
             if self._read and LinePlan not in answers:
                 answers.ask(LINE_PLAN, LinePlan)
-            self._ask_expected(state)
+            if look is not None:  # else it reckons: what is asked would only wait, once more with every round
+                self._ask_expected(state)
         return ASKING if self._read else ASKING_UNREAD
 
     def _take_state(self, state: LineState) -> None:

@@ -167,7 +167,7 @@ class LiveOverall:
         self._lost: set[str] = set()
         doors = Doors(self._tell, self._now, self._decisions.note, self._propose)
         self.work = Reorganisation(line, mode, self._zones, doors)
-        # Nothing in it changes in part, so that it can be told while this thread reckons.
+        # It is told while this thread reckons; a set-up that is told a moment before its version can only be refused.
         self._answers = Answers(line, self, book, bus, self._between, self.state)
         self._plant = DistantPlant(line, bus, self._pass_on)
 

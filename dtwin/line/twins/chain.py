@@ -84,7 +84,7 @@ class ChainNodeTwin:
         return self._work.times(self.capability.times or rehearsed(self.plan))
 
     @property
-    def slowness(self) -> float:
+    def slowness(self) -> float | None:
         """How many times as long as at first it takes to bring a box, see `MeasuredWork.slowness`."""
         return self._work.slowness
 

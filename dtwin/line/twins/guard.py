@@ -24,10 +24,10 @@ OVERDUE: Final = 45.0
 """Least time for a box after which an arm is stopped, s: its twin has asked its monitor why it is late by then."""
 EXPLAINED: Final = 15.0
 """Time after a stop by the blocks until which its cause is found, if it is found at all, s."""
+PATIENCE: Final = 3.0
+"""Least time for a box after which an arm is stopped, as a multiple of the longest that it takes for one."""
 OTHERWISE: Final = 0.1
 """Change of an arm's slowness from which on the work is shared out otherwise, though nothing is found of it."""
-PATIENCE: Final = 3.0
-"""Least such time, as a multiple of the longest that the arm takes for a box."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,14 +149,15 @@ class Guard:
         """That an arm has become slower, or faster, since it was told so last, whatever is wrong with it."""
         node = self._nodes[station]
         slowness = node.slowness
-        before = self._slowness.setdefault(station, slowness)
-        if slowness == 1.0 or station in self.stopped or abs(slowness - before) <= OTHERWISE:
+        if slowness is None:  # it was repaired, or has other settings, and nothing was measured since
+            self._slowness.pop(station, None)
+            return []
+        if station in self.stopped or abs(slowness - self._slowness.get(station, 1.0)) <= OTHERWISE:
             return []
         self._slowness[station] = slowness
         words = f"takes {slowness:.2f} times as long to bring a box as at first"
-        why = f"it {words}; why is not known"
-        node.capability = node.capability.slowed(why if slowness > 1.0 + OTHERWISE else "")
-        self._note(Decision(time, f"twin of {station}", "finding", why, station))
+        node.capability = node.capability.slowed(f"it {words}" if slowness > 1.0 + OTHERWISE else "")
+        self._note(Decision(time, f"twin of {station}", "finding", f"it {words}", station))
         return [f"{station} {words}"]
 
     def _tell_unexplained(self, station: str, stop: int, time: float) -> None:

@@ -64,7 +64,7 @@ class Node(Protocol):
         """How long its work takes."""
 
     @property
-    def slowness(self) -> float:
+    def slowness(self) -> float | None:
         """How many times as long as at first it takes to bring a box, see `MeasuredWork.slowness`."""
 
     @property
@@ -169,7 +169,7 @@ class NodeTwin:
         return self._work.times(self.capability.times or rehearsed(self.plan))
 
     @property
-    def slowness(self) -> float:
+    def slowness(self) -> float | None:
         """How many times as long as at first it takes to bring a box, see `MeasuredWork.slowness`."""
         return self._work.slowness
 

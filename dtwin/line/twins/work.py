@@ -81,11 +81,12 @@ class MeasuredWork:
             self._first.setdefault(self._place, median(carries))
 
     @property
-    def slowness(self) -> float:
-        """How many times as long as the first boxes the newest ones took to the place where that has changed most; 1
-        before enough were brought to one."""
+    def slowness(self) -> float | None:
+        """How many times as long as the first boxes the newest ones took to the place where that has changed most;
+        None before enough were brought to one."""
         newest = {place: median(list(self._carries[place])[-_NEWEST:]) for place in self._first}
-        return max((newest[place] / first for place, first in self._first.items()), key=_change, default=1.0)
+        factors = (newest[place] / first for place, first in self._first.items())
+        return max(factors, key=lambda factor: abs(factor - 1.0), default=None)
 
     def times(self, rehearsed: WorkTimes) -> WorkTimes:
         """How long the arm takes; to places to which it has brought too few boxes as much longer as to the others."""
@@ -111,7 +112,3 @@ def _usual(last: Sequence[float]) -> float:
     """The median of the last times, or of the newest alone if the arm has become slower or faster with them."""
     whole, newest = median(last), median(list(last)[-_NEWEST:])
     return newest if abs(newest - whole) > _OTHERWISE * whole else whole
-
-
-def _change(factor: float) -> float:
-    return abs(factor - 1.0)

@@ -35,7 +35,7 @@ NEAR: Final = 0.9
 ALIKE: Final = 0.995
 """Share of the most boxes from which on ways are alike, and the one with fewest changes is taken."""
 ALIKE_LATER: Final = 0.97
-"""The same at a second look: a way that is in force is left for one that lets clearly more through."""
+"""The same at a second look: closer than what twins predict of an hour is asked to be, ways are not told apart."""
 SETTLING: Final = 60.0
 """Time after a change of the set-up in which boxes are still where they were before it, s."""
 _AT_ONCE: Final = 1.0

@@ -159,7 +159,8 @@ class Encoders:
     def _unmoved(self, off: Array) -> Mask:
         """Whether no other joint was thrown off its path meanwhile, (N - 3, n)."""
         thrown = np.abs(np.diff(off, 2, axis=0))[:-1] > self._largest
-        unmoved: Mask = thrown.sum(axis=1)[:, None] == thrown
+        others = thrown.sum(axis=1, keepdims=True) - thrown
+        unmoved: Mask = others == 0
         return unmoved
 
     def _stays(self, t: Array, q: Array, target: Array, new: int, pressed: Mask | None) -> Iterator[ChainFinding]:

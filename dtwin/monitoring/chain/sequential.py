@@ -175,7 +175,8 @@ class FirstFault:
         self._carrying = Carrying(self._arm, drives)
         return self._carrying
 
-    def _judge(self, new: Samples, rests: bool) -> None:
+    def _judge(self, new: Samples, acts: bool) -> None:
+        """Judges further samples, by what acts where nobody knows the load as well if that was told."""
         assert self._readings is not None
         assert self._carrying is not None
         assert self.drives is not None
@@ -183,8 +184,8 @@ class FirstFault:
         if self.settled:
             return
         named = self.drives.follow(new.t, new.q, new.effort)
-        told = self._readings.follow(new, rests)
-        pushed = self._carrying.follow(new) if rests else None
+        told = self._readings.follow(new, acts)
+        pushed = self._carrying.follow(new) if acts else None
         if told is None and self.drives.alarm is None:
             told = pushed
         self.finding = named or self.finding
