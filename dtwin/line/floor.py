@@ -12,7 +12,7 @@ from dtwin.line.line import CYCLE, Line
 from dtwin.line.plant import LineEvent, MakeVehicle, Plant, check_boxes, emulated_vehicle
 from dtwin.line.situation import Situation
 from dtwin.line.station import Station
-from dtwin.line.stations import emulated
+from dtwin.line.stations import Crew, emulated
 from dtwin.line.vehicle import FULL, Vehicle
 
 _REPAIR: Final = 1.0
@@ -48,6 +48,7 @@ class Floor:
         devices: whether the blocks run on a resource for each device, which talk by PUBLISH and SUBSCRIBE.
         blocks: blocks that are served elsewhere, in place of those that run in this process.
         vehicle: makes the vehicles; ones that the plant emulates if not given.
+        threads: number of threads in which its stations work.
 
     Attributes:
         line: the line.
@@ -67,11 +68,13 @@ class Floor:
         devices: bool = False,
         blocks: Exchange | None = None,
         vehicle: MakeVehicle = emulated_vehicle,
+        threads: int = 1,
     ) -> None:
         self.line = line
         self.emulated = {station.name: emulated(station) for station in line.stations}
         stations: dict[str, Station] = dict(self.emulated)
         self.plant = Plant(line, stations, vehicle)
+        self._work = Crew(stations, threads).advance if threads > 1 else None
         here = Devices if devices else OneResource
         self.control = Control(line, blocks or here(line), patient=blocks is not None)
         self.events: list[LineEvent] = []
@@ -94,7 +97,7 @@ class Floor:
         Raises:
             DtwinError: a box has vanished, or an arm or the blocks have failed.
         """
-        self.plant.advance()
+        self.plant.advance(self._work)
         self.control.step(self.plant)
 
     def record(self) -> None:

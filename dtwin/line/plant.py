@@ -155,13 +155,13 @@ class Plant:
         events, self.events = self.events, []
         return events
 
-    def advance(self, step: Callable[[int], dict[str, Report]] | None = None) -> None:
+    def advance(self, work: Callable[[int], dict[str, Report]] | None = None) -> None:
         """Lets everything go on for one cycle.
 
         Args:
-            step: lets all stations work for some ticks; one after the other in this process without it.
+            work: lets all stations work for some ticks; one after the other without it.
         """
-        reports = step(TICKS) if step else {name: s.station.advance(TICKS) for name, s in self.stations.items()}
+        reports = work(TICKS) if work else {name: s.station.advance(TICKS) for name, s in self.stations.items()}
         self._cycles += 1
         for name, report in reports.items():
             self._take_report(name, report)

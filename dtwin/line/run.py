@@ -38,12 +38,14 @@ class LineSettings:
         faults: faults of stations' arms, by the name of the station: see `dtwin.emulation.faults`. When one that ends
             is over, the operator releases the arm.
         devices: whether the blocks run on a resource for each device, which talk by PUBLISH and SUBSCRIBE.
+        threads: number of threads in which the stations work; the results are the same with any.
     """
 
     duration: float = 300.0
     twins: Mode = "act"
     faults: tuple[tuple[str, str], ...] = ()
     devices: bool = False
+    threads: int = 1
 
 
 @dataclass
@@ -89,7 +91,7 @@ class LineRun:
     ) -> None:
         self.line, self.settings = line, settings
         self._file = None if history is None else LineFile(history, Decision, "a decision of the line")
-        self.floor = Floor(line, settings.devices, blocks)
+        self.floor = Floor(line, settings.devices, blocks, threads=settings.threads)
         self.plant, self.emulated = self.floor.plant, self.floor.emulated
         self.course = Course(self.floor.events, self.floor.samples)
         nodes = self._nodes = {s.name: node_of(line, s) for s in line.stations}

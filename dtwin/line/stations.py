@@ -3,18 +3,51 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from concurrent.futures import ThreadPoolExecutor, wait
 
 from dtwin.emulation.faults import parse_fault
 from dtwin.errors import ParameterError
 from dtwin.line.chain.cell import arm_cell, believed_chain_settings, chain_settings, check_chain_station
 from dtwin.line.chain.station import ChainStation
 from dtwin.line.line import StationPlan
-from dtwin.line.station import EmulatedStation, Input, Station, believed_settings
+from dtwin.line.station import EmulatedStation, Input, Report, Station, believed_settings
 from dtwin.line.system import task_of
 from dtwin.recovery.strength import holding
 
 Emulated = EmulatedStation | ChainStation
 """A station with an emulated arm."""
+
+
+class Crew:
+    """Stations of this process that work at the same time, each with what it would do alone.
+
+    Plant and blocks are machine code, meanwhile other threads run.
+
+    Args:
+        stations: the stations by their names.
+        threads: number of threads among which they are divided, this one among them.
+    """
+
+    def __init__(self, stations: Mapping[str, Station], threads: int) -> None:
+        self._names = tuple(stations)
+        parts = min(threads, len(stations))
+        self._parts = [tuple(stations.items())[part::parts] for part in range(parts)]
+        self._others = ThreadPoolExecutor(parts - 1, "stations") if parts > 1 else None
+
+    def advance(self, ticks: int) -> dict[str, Report]:
+        """What they report after some ticks, in their order. Raises DtwinError: an arm or its blocks failed."""
+        others = [self._others.submit(_work, part, ticks) for part in self._parts[1:]] if self._others else []
+        try:
+            reports = _work(self._parts[0], ticks)
+        finally:
+            wait(others)
+        for other in others:
+            reports |= other.result()
+        return {name: reports[name] for name in self._names}
+
+
+def _work(part: Iterable[tuple[str, Station]], ticks: int) -> dict[str, Report]:
+    return {name: station.advance(ticks) for name, station in part}
 
 
 def emulated(plan: StationPlan) -> Emulated:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from dataclasses import dataclass, replace
 from functools import cache
@@ -11,7 +10,7 @@ from typing import Final
 from rich.console import Console
 from rich.table import Table
 
-from dtwin.campaign.spread import EVERY_CORE, Workforce, spread
+from dtwin.campaign.spread import EVERY_CORE, Workforce, cores, spread
 from dtwin.commands.frame import JsonOption, at_least
 from dtwin.line.file import DEFAULT_NAME, line_of
 from dtwin.line.run import LineRun, LineSettings
@@ -39,7 +38,7 @@ class BenchLine(JsonOption):
     def execute(self) -> int:
         at_least("--rounds", self.rounds, 1)
         at_least("--duration", int(self.duration), 1)
-        cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        here = cores()
         rates: dict[int, list[float]] = {arms: [] for arms in ARMS}
         with Console(stderr=True).status("measuring") as status:
             for number in range(self.rounds):
@@ -47,11 +46,11 @@ class BenchLine(JsonOption):
                     status.update(f"round {number + 1} of {self.rounds}: {arms} arms")
                     rates[arms].append(measured(arms, self.duration))
         middle = {arms: sorted(found)[len(found) // 2] for arms, found in rates.items()}
-        shares = {arms: rate / (middle[1] * cores) for arms, rate in middle.items() if arms > 1}
+        shares = {arms: rate / (middle[1] * here) for arms, rate in middle.items() if arms > 1}
         if self.json:
-            print_json({"cores": cores, "arm_seconds_a_second": middle, "share_of_one_arm_times_cores": shares})
+            print_json({"cores": here, "arm_seconds_a_second": middle, "share_of_one_arm_times_cores": shares})
             return 0
-        table = Table("arms", "real-time factor", "factor times arms", f"of one arm's times {cores} cores")
+        table = Table("arms", "real-time factor", "factor times arms", f"of one arm's times {here} cores")
         for arms, rate in middle.items():
             table.add_row(str(arms), f"{rate / arms:.1f}", f"{rate:.0f}", f"{shares[arms]:.2f}" if arms > 1 else "")
         print_table(table)
@@ -68,17 +67,18 @@ def measured(arms: int, duration: float) -> float:
     Raises:
         TaskError: a run failed.
     """
-    items = [(number, arms, duration) for number in range(max(1, arms // _EACH))]
+    lines = max(1, arms // _EACH)
+    items = [(number, arms, duration, max(1, cores() // lines)) for number in range(lines)]
     spans = spread(_span, items, EVERY_CORE if len(items) > 1 else Workforce(1))
     return arms * duration / (max(end for _, end in spans) - min(begin for begin, _ in spans))
 
 
-def _span(item: tuple[int, int, float]) -> tuple[float, float]:
+def _span(item: tuple[int, int, float, int]) -> tuple[float, float]:
     """When a run began and ended, s of this machine's clock, after all that is compiled was loaded."""
-    seed, arms, duration = item
+    seed, arms, duration, threads = item
     _load(arms == 1)
     begin = time.monotonic()
-    _run(seed, arms, duration)
+    _run(seed, arms, duration, threads)
     return begin, time.monotonic()
 
 
@@ -88,8 +88,8 @@ def _load(alone: bool) -> None:
     _run(0, 1 if alone else _EACH, _SHORT)
 
 
-def _run(seed: int, arms: int, duration: float) -> None:
+def _run(seed: int, arms: int, duration: float, threads: int = 1) -> None:
     if arms == 1:
         Cell(CellSettings(duration, seed)).run()
     else:
-        LineRun(replace(line_of(DEFAULT_NAME), seed=seed), LineSettings(duration)).run()
+        LineRun(replace(line_of(DEFAULT_NAME), seed=seed), LineSettings(duration, threads=threads)).run()

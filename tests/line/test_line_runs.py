@@ -180,9 +180,9 @@ def test_deliveries_are_refused_where_boxes_come_by_themselves() -> None:
 def test_a_run_is_kept_and_shown(tmp_path: Path) -> None:
     settings = LineSettings(duration=12.0, twins="off", faults=(("a2", "K2*=0.1@2-9"),))
     runs = []
-    for name in ("one", "other"):
+    for name, threads in (("one", 1), ("other", 3)):
         folder = tmp_path / name
-        run = LineRun(LINE, settings, prepare(folder))
+        run = LineRun(LINE, replace(settings, threads=threads), prepare(folder))
         run.run()
         write(run, folder)
         runs.append(run)

@@ -84,7 +84,7 @@ def twin_of(line: Line) -> ChainNodeTwin:
 def test_boxes_pass_a_line_with_two_kinds_of_arms_and_the_log_is_that_of_the_arm_alone(
     line: Line, tmp_path: Path
 ) -> None:
-    run = LineRun(line, LineSettings(130.0, "off"))
+    run = LineRun(line, LineSettings(130.0, "off", threads=4))
     run.run()
     assert (run.plant.lost, run.plant.collisions) == (0, 0)
     marked = [event.box for event in run.course.events if event.kind == "done" and event.who == "a2"]

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import tyro
 from rich.table import Column, Table
 
+from dtwin.campaign.spread import cores
 from dtwin.controller.runtime import RuntimeOption, chosen
 from dtwin.errors import ParameterError
 from dtwin.files import RECORDING, ensure_writable, replacing
@@ -174,7 +175,7 @@ def _carried_out(
     for path, ending in ((report, _HTML), (record, RECORDING)):
         if path is not None:
             ensure_writable(path, ending)
-    run = LineRun(line, settings, None if out is None else prepare(out), blocks)
+    run = LineRun(line, replace(settings, threads=cores()), None if out is None else prepare(out), blocks)
     drawing = None if record is None else _drawing(run)
     try:
         run.run(None if json or not sys.stderr.isatty() else _progress, None if drawing is None else drawing.look)

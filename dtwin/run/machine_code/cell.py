@@ -54,7 +54,7 @@ def _step(typing: Any, function: Any, model: Any, data: Any) -> Any:
     return types.void(types.int64, types.int64, types.int64), generate
 
 
-@kernel(uses=(closed_loop,))
+@kernel(uses=(closed_loop,), nogil=True)
 def advance(
     step: int,
     model: int,
