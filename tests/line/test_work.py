@@ -71,6 +71,22 @@ def test_an_arm_that_becomes_slower_is_reckoned_with_as_it_is_now() -> None:
     assert work.slowness == pytest.approx(1.0)
 
 
+def test_lighter_boxes_may_take_longer_without_the_arm_being_slower() -> None:
+    work = MeasuredWork(PLACES, PERIOD)
+    heavy, light = (1, 0, 100, 200, 150), (1, 0, 100, 240, 150)
+    for box, kind in [(heavy, 0)] * 8 + [(light, 1)] * 8:
+        all_ticks = ticks([box])
+        work.follow(all_ticks[:250], kind)  # what the arm has is looked at while it has it
+        work.follow(all_ticks[250:], 0)
+    assert work.slowness == pytest.approx(1.0)
+    assert work.times(REHEARSED).carry["blue"] == pytest.approx(2.2)
+    for _ in range(5):
+        all_ticks = ticks([(1, 0, 100, 300, 150)])
+        work.follow(all_ticks[:250], 1)
+        work.follow(all_ticks[250:], 0)
+    assert work.slowness == pytest.approx(1.25)
+
+
 def test_nobody_is_slower_than_at_first_before_enough_boxes_were_brought() -> None:
     work = MeasuredWork(PLACES, PERIOD)
     work.follow(ticks([(1, 0, 100, 200, 150), (2, 0, 100, 400, 150)] * 2))

@@ -114,6 +114,10 @@ class Boxes:
         """The boxes of a line with such masses (kg), of which classes of largest masses can be told apart."""
         return cls(tuple(places), (heaviest, *classes[1:], lightest))
 
+    def kind(self, mass: float | None) -> int:
+        """Number of the class of a mass, kg, from 0, the heaviest; 0 for an unknown one."""
+        return 0 if mass is None else sum(mass <= each for each in self.masses[1:-1])
+
     def all_brought(self) -> Capability:
         """What an arm can do with which nothing is wrong."""
         return Capability("all", self.places, NOTHING_WRONG)

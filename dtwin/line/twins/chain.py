@@ -119,12 +119,12 @@ class ChainNodeTwin:
             arm: what the arm does: FREE, OFFERED or HOLDING.
             stopped: whether it is stopped: what it does then tells nothing of it.
             settings: what its blocks have in the place of the settings of its cell; None for nothing.
-            mass: mass of the box that it has or is offered; its monitor does not need it.
+            mass: mass of the box that it has or is offered, kg, by which work is told apart; its monitor does not need it.
         """
         first, self._seen = self._seen, len(log)
         if self._seen < first:  # the arm has begun anew
             self._monitor = None
-        self._measure(log, first, stopped)
+        self._measure(log, first, stopped, self._boxes.kind(mass))
         if isinstance(settings, JointSettings) and settings != self._changed:
             self._adopt(settings)
         if self._known or self._seen <= first or stopped:
@@ -166,12 +166,13 @@ class ChainNodeTwin:
         if len(q):
             self._tried.note(float(np.abs(target - q).max()), (self._seen - self._from) * period / PERIOD)
 
-    def _measure(self, log: ArmRows, first: int, stopped: bool) -> None:
+    def _measure(self, log: ArmRows, first: int, stopped: bool, kind: int) -> None:
         """Measures how long it works from the ticks of a log from a number on."""
         if stopped or not log.forgotten <= first <= len(log):
             self._work.interrupt()
         else:
-            self._work.follow((row.box, row.gripped) for row in log.rows()[first - log.forgotten :])
+            rows = log.rows()[first - log.forgotten :]
+            self._work.follow(((row.box, row.gripped) for row in rows), kind)
 
     def state_of(self, found: ChainFound) -> Literal["failed", "angles unknown"]:
         """What a finding means to the blocks' safe stop."""

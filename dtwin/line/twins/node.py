@@ -232,7 +232,7 @@ class NodeTwin:
         if self._known or rows == first:
             return []
         new = log.since(first)
-        self._measure(new, whole=not stopped and first >= log.forgotten)
+        self._measure(new, not stopped and first >= log.forgotten, self._boxes.kind(mass))
         self._busy_since = self._busy_since if arm != FREE and self._busy_since is not None else rows
         away = np.abs(new.stack("target") - new.stack("measured")).max()
         late = arm != FREE and not stopped and rows - self._busy_since > LATE
@@ -253,7 +253,7 @@ class NodeTwin:
             self._known = self.capability.ability == "nothing"
         return found
 
-    def _measure(self, new: Log, whole: bool) -> None:
+    def _measure(self, new: Log, whole: bool, kind: int) -> None:
         """Measures how long it works from further ticks, which tell that only if none is missing and it may work."""
         if not whole:
             self._work.interrupt()
@@ -261,7 +261,7 @@ class NodeTwin:
         boxes = np.zeros(len(new.columns["t"]), dtype=np.int64)
         for number, place in enumerate(self._boxes.places, 1):
             boxes[new.columns["box_present"] & (new.columns["box_colour"] == place)] = number
-        self._work.follow(zip(boxes.tolist(), new.columns["box_gripped"].tolist(), strict=True))
+        self._work.follow(zip(boxes.tolist(), new.columns["box_gripped"].tolist(), strict=True), kind)
 
     def stopped(self, why: str) -> None:
         """The arm was stopped, and nobody knows yet what it can do."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import defaultdict, deque
 from collections.abc import Iterable, Mapping, Sequence
-from statistics import median
+from statistics import mean, median
 from typing import Final
 
 from dtwin.line.station import WorkTimes
@@ -36,9 +36,11 @@ class MeasuredWork:
     def __init__(self, places: tuple[str, ...], period: float) -> None:
         self._places, self._period = places, period
         self._grips: deque[float] = deque(maxlen=_LAST)
-        self._carries: dict[str, deque[float]] = defaultdict(lambda: deque(maxlen=_LAST))
+        self._carries: dict[tuple[str, int], deque[float]] = defaultdict(lambda: deque(maxlen=_LAST))
+        self._kinds: dict[str, deque[int]] = defaultdict(lambda: deque(maxlen=_LAST))
         self._backs: dict[str, deque[float]] = defaultdict(lambda: deque(maxlen=_LAST))
-        self._first: dict[str, float] = {}
+        self._first: dict[tuple[str, int], float] = {}
+        self._kind = 0
         self.interrupt()
 
     def interrupt(self) -> None:
@@ -49,12 +51,13 @@ class MeasuredWork:
         self._released: int | None = None
         self._place = ""
 
-    def follow(self, ticks: Iterable[tuple[int, bool]]) -> None:
-        """Follows the next ticks.
+    def follow(self, ticks: Iterable[tuple[int, bool]], kind: int = 0) -> None:
+        """Follows the next ticks, so few that an arm which holds a box at their end has not brought the next one.
 
         Args:
             ticks: of each the number of the place of the box that waits for the arm, from 1, 0 for none, and whether
                 the gripper is closed.
+            kind: number of the class of mass of the box that the arm has, or is offered, at their end.
         """
         for box, grips in ticks:
             self._ticks += 1
@@ -73,19 +76,20 @@ class MeasuredWork:
                 self._offered, self._released, self._place = self._ticks, None, self._places[box - 1]
             elif not box:
                 self._offered = None
+        self._kind = kind
 
     def _carried(self, time: float) -> None:
-        carries = self._carries[self._place]
+        self._kinds[self._place].append(self._kind)
+        carries = self._carries[self._place, self._kind]
         carries.append(time)
         if len(carries) == _NEWEST:
-            self._first.setdefault(self._place, median(carries))
+            self._first.setdefault((self._place, self._kind), median(carries))
 
     @property
     def slowness(self) -> float | None:
-        """How many times as long as the first boxes the newest ones took to the place where that has changed most;
-        None before enough were brought to one."""
-        newest = {place: median(list(self._carries[place])[-_NEWEST:]) for place in self._first}
-        factors = (newest[place] / first for place, first in self._first.items())
+        """How many times as long as the first boxes the newest ones took, for the place and the class of boxes where
+        that has changed most; None before enough of one class were brought to one place."""
+        factors = (_newest(self._carries[each]) / first for each, first in self._first.items())
         return max(factors, key=lambda factor: abs(factor - 1.0), default=None)
 
     def times(self, rehearsed: WorkTimes) -> WorkTimes:
@@ -95,20 +99,30 @@ class MeasuredWork:
             place: [each for each in self._backs[place] if each <= _IDLE * back]
             for place, back in rehearsed.back.items()
         }
-        return WorkTimes(grip, _measured(self._carries, rehearsed.carry), _measured(busy, rehearsed.back))
+        backs = {place: _usual(last) for place, last in busy.items() if len(last) >= _ENOUGH}
+        carries = {
+            place: mean(_usual(self._carries[place, kind]) for kind in kinds)
+            for place, kinds in self._kinds.items()
+            if len(kinds) >= _ENOUGH
+        }
+        return WorkTimes(grip, _everywhere(carries, rehearsed.carry), _everywhere(backs, rehearsed.back))
 
     def _since(self, tick: int) -> float:
         return (self._ticks - tick) * self._period
 
 
-def _measured(last: Mapping[str, Sequence[float]], rehearsed: Mapping[str, float]) -> dict[str, float]:
-    """The last times by the place; where there are too few, the rehearsed one as many times as long as elsewhere."""
-    known = {place: _usual(last[place]) for place in rehearsed if len(last.get(place, ())) >= _ENOUGH}
+def _everywhere(known: Mapping[str, float], rehearsed: Mapping[str, float]) -> dict[str, float]:
+    """Measured times by the place; where there is none, the rehearsed one as many times as long as elsewhere."""
+    known = {place: time for place, time in known.items() if place in rehearsed}
     longer = median([known[place] / rehearsed[place] for place in known]) if known else 1.0
     return {place: known.get(place, longer * time) for place, time in rehearsed.items()}
 
 
 def _usual(last: Sequence[float]) -> float:
     """The median of the last times, or of the newest alone if the arm has become slower or faster with them."""
-    whole, newest = median(last), median(list(last)[-_NEWEST:])
+    whole, newest = median(last), _newest(last)
     return newest if abs(newest - whole) > _OTHERWISE * whole else whole
+
+
+def _newest(last: Sequence[float]) -> float:
+    return median(list(last)[-_NEWEST:])
