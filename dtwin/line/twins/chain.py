@@ -119,7 +119,7 @@ class ChainNodeTwin:
             arm: what the arm does: FREE, OFFERED or HOLDING.
             stopped: whether it is stopped: what it does then tells nothing of it.
             settings: what its blocks have in the place of the settings of its cell; None for nothing.
-            mass: mass of the box that it has or is offered, kg, by which work is told apart; its monitor does not need it.
+            mass: mass of the box that it has or is offered, kg: work with light boxes takes another time.
         """
         first, self._seen = self._seen, len(log)
         if self._seen < first:  # the arm has begun anew
