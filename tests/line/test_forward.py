@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +14,7 @@ from dtwin.line.line import BoxClass, Line
 from dtwin.line.plant import Plant
 from dtwin.line.station import Station, TimedStation, WorkTimes
 from dtwin.line.twins.forward import Change, Forward
-from dtwin.line.twins.zone import SETTLING, in_an_hour
+from dtwin.line.twins.zone import AHEAD, HOUR, LASTING, SETTLING, in_an_hour, lasting
 from evidence.line.answer import soonest_taken
 
 FULL = replace(line_of("default"), source=replace(line_of("default").source, every=12.0))
@@ -106,8 +107,17 @@ def test_an_hour_is_what_was_simulated_and_its_rate_after_the_first_minute() -> 
     assert in_an_hour(late) == pytest.approx(10 + 180.0 * (3600.0 - SETTLING - 200.0) / 3600.0)
     early = tuple((10.0 * k, 0) for k in range(1, 4))
     assert in_an_hour((*early, *late)) == pytest.approx(in_an_hour(late) + 3)
-    assert in_an_hour(early) == pytest.approx(360.0)
+    assert in_an_hour(early) == pytest.approx(3.0 * 3600.0 / AHEAD), "a line that stands is not taken for a fast one"
     assert in_an_hour(()) == 0.0
+
+
+def test_a_second_look_counts_boxes_by_how_probable_it_is_that_the_set_up_still_lasts() -> None:
+    even = tuple((10.0 * k, 0) for k in range(1, 361))
+    assert lasting(even, HOUR) == pytest.approx(360.0, rel=0.01)
+    soon, late = even[:180], even[180:]
+    assert lasting(soon, HOUR) + lasting(late, HOUR) == pytest.approx(lasting(even, HOUR))
+    assert lasting(soon, HOUR) / lasting(late, HOUR) == pytest.approx(math.exp(HOUR / 2.0 / LASTING))
+    assert lasting((), HOUR) == 0.0
 
 
 def test_boxes_come_from_the_zone_before_only_while_there_is_room_and_the_later_ones_later() -> None:

@@ -7,6 +7,7 @@ the arms are left out: their twins say how long they take. That runs some hundre
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, replace
 from threading import Lock
@@ -30,6 +31,9 @@ AHEAD: Final = 400.0
 """Time after a change of the set-up in which boxes that leave are counted, s."""
 HOUR: Final = 3600.0
 """Such a time for a second look, which takes longer: vehicles charge some twenty minutes apart, s."""
+LASTING: Final = 1200.0
+"""Mean time for which a way to share the work out is taken to last at a second look, s: then an arm is repaired, or
+another one fails. Of what comes later less is certain, and it counts less."""
 NEAR: Final = 0.9
 """Share of the most boxes at a first look from which on a way gets a second one."""
 ALIKE: Final = 0.995
@@ -171,7 +175,8 @@ class ZoneTwin:
         with self._busy:
             self._forward = self._forward or Forward(self._line, self._devices)
             left = self._forward.left_zone(self._number, now, change, ahead, arrivals)
-        return Flow(dict(assignment), in_an_hour(left or ()), left)
+        rate = in_an_hour(left or ()) if ahead <= AHEAD else lasting(left or (), ahead)
+        return Flow(dict(assignment), rate, left)
 
     def rate(self, assignment: Assignment) -> float:
         """Boxes an hour that leave the zone when it has filled, there are always more, and room for them."""
@@ -196,10 +201,19 @@ def in_an_hour(left: Passing) -> float:
         left: boxes that leave within a time of AHEAD at least.
     """
     settled = [time for time, _ in left if time > SETTLING]
-    if len(settled) < 2:
-        return 3600.0 * len(left) / left[-1][0] if left else 0.0
+    if len(settled) < 2:  # it stands, or boxes are rare
+        return 3600.0 * len(left) / AHEAD
     rate = (len(settled) - 1) / (settled[-1] - settled[0])
     return len(left) + rate * (3600.0 - settled[-1])
+
+
+def lasting(left: Passing, ahead: float) -> float:
+    """Boxes an hour that leave within a time (s), weighted with the probability that the way still lasts then.
+
+    That is the expected value where it ends at random, after LASTING in the mean.
+    """
+    weight = LASTING * -math.expm1(-ahead / LASTING)
+    return 3600.0 * sum(math.exp(-time / LASTING) for time, _ in left) / weight
 
 
 def zone_alone(line: Line, number: int, assignment: Assignment) -> Line:
