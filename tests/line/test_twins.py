@@ -1,19 +1,22 @@
 """Twins of stations, of zones and of the line: what an arm can still do, and which way to share work out is best."""
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import replace
 
 import pytest
 
+from dtwin.bus.line.plant import Passing
 from dtwin.line.file import line_of
 from dtwin.line.line import Assignment, Line
 from dtwin.line.run import LineRun, LineSettings
+from dtwin.line.twins.ability import Capability
 from dtwin.line.twins.decisions import Decision
 from dtwin.line.twins.node import NodeTwin
 from dtwin.line.twins.overall import Choice, OverallTwin, predicted
 from dtwin.line.twins.rehearsal import rehearsed
 from dtwin.line.twins.reorganisation import LATER, Doors, Reorganisation
-from dtwin.line.twins.zone import AHEAD, Flow, ZoneTwin
+from dtwin.line.twins.zone import AHEAD, HOUR, Flow, ZoneTwin
 from dtwin.monitoring.kinds import parse_fault_id
 from dtwin.monitoring.verdict import Finding, finding
 
@@ -86,9 +89,14 @@ class Charging(Told):
     """A zone whose vehicles charge within an hour, so that it lets fewer boxes through, but with a1 alone."""
 
     def best(
-        self, operations: tuple[str, ...], now: object, arrivals: object = None, ahead: float = AHEAD
+        self,
+        operations: tuple[str, ...],
+        now: object,
+        arrivals: object = None,
+        ahead: float = AHEAD,
+        refused: Sequence[Assignment] = (),
     ) -> Flow | None:
-        ways = [flow for way in self.assignments(operations) if (flow := Flow(way, self._after(way, ahead)))]
+        ways = [Flow(way, self._after(way, ahead)) for way in self.assignments(operations) if way not in refused]
         return max(ways, key=lambda flow: flow.rate, default=None)
 
     def _after(self, way: dict[str, str], ahead: float) -> float:
@@ -171,3 +179,42 @@ def test_the_line_lets_through_what_its_twins_predict() -> None:
     run.run()
     times = {station.name: rehearsed(PLAN) for station in LINE.stations}
     assert run.rate(150.0) == pytest.approx(predicted(LINE, times, LINE.assignment, 450.0), rel=0.03)
+
+
+class Fed:
+    """A zone with two ways to do its share; with the boxes of the way that lets fewer through the next zone does more."""
+
+    def __init__(self, name: str, station: str, other: str, flows: dict[str, float]) -> None:
+        self.name, self.stations = name, (station, other)
+        self._flows = flows
+
+    def capability(self, station: str) -> Capability:
+        return Capability("all", (), "")
+
+    def best(
+        self,
+        operations: tuple[str, ...],
+        now: Assignment,
+        arrivals: Passing | None = None,
+        ahead: float = AHEAD,
+        refused: Sequence[Assignment] = (),
+    ) -> Flow | None:
+        more = 10.0 if arrivals == ((2.0, 0),) else 0.0
+        flows = [
+            Flow(dict.fromkeys(operations, station), rate + more, ((float(number), 0),))
+            for number, (station, rate) in enumerate(self._flows.items(), 1)
+        ]
+        left = [flow for flow in flows if flow.assignment not in refused]
+        return max(left, key=lambda flow: flow.rate, default=None)
+
+    def rate(self, assignment: Assignment) -> float:
+        return 0.0
+
+
+@pytest.mark.parametrize(("ahead", "first"), [(AHEAD, "a1"), (HOUR, "a2")])
+def test_a_second_look_takes_the_way_of_a_zone_that_is_best_for_the_line(ahead: float, first: str) -> None:
+    zones = [Fed("a", "a1", "a2", {"a1": 100.0, "a2": 99.0}), Fed("b", "b1", "b2", {"b1": 80.0, "b2": 70.0})]
+    choice = OverallTwin(LINE, zones).choose(LINE.assignment, ahead=ahead)
+    assert choice is not None
+    assert choice.assignment["deburr"] == first
+    assert choice.rate == (90.0 if first == "a2" else 80.0)

@@ -5,7 +5,7 @@ The rules of `dtwin.bus.messages` hold; `dtwin.bus.line.topics` has the topics.
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 import msgspec
 
@@ -15,6 +15,9 @@ from dtwin.bus.line.messages import TOLD, LineDecision, SetUps, VehicleSeen, Zon
 from dtwin.names import Name
 from dtwin.parameters import ArmParameters
 from dtwin.signals import SCHEMA, Count, Line, Seconds, Word
+
+WAYS: Final = 3
+"""Most ways in which a zone does its share that the twin of the line compares."""
 
 Passing = Annotated[tuple[tuple[Seconds, Count], ...], msgspec.Meta(max_length=1000)]
 """Boxes that pass from a zone to the next: when, s from a moment on, and the number of their class of mass."""
@@ -208,12 +211,14 @@ class FlowQuestion(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
         arrivals: boxes that come from the zone before: when, s from now on, and the number of their class of mass;
             null if there are always more.
         ahead: time that is simulated, s.
+        refused: ways to do them that are not meant, the station of each of its operations.
     """
 
     operations: Operations
     set_up: SetUps
     arrivals: Passing | None = None
     ahead: float = 400.0
+    refused: Annotated[tuple[SetUps, ...], msgspec.Meta(max_length=WAYS)] = ()
 
 
 class FlowAnswer(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):

@@ -93,9 +93,10 @@ def check_question(line: Line, asked: FlowQuestion) -> None:
     if len(set(asked.operations)) < len(asked.operations):
         raise ParameterError(f"operations: expected each one once, got {', '.join(asked.operations)}")
     jobs = {job.name: job.operation for job in line.jobs}
-    _among("set_up", asked.set_up, jobs)
-    for name, station in asked.set_up.items():
-        _among(f"set_up.{name}", [station], line.able(jobs[name]))
+    for set_up in (asked.set_up, *asked.refused):
+        _among("set_up", set_up, jobs)
+        for name, station in set_up.items():
+            _among(f"set_up.{name}", [station], line.able(jobs[name]))
     _check_passing("arrivals", line, asked.arrivals)
     if not 0.0 < asked.ahead <= HOUR:
         raise ParameterError(f"ahead: expected more than 0 and at most {HOUR:g} s, got {asked.ahead:g}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Final
@@ -102,12 +102,19 @@ class DistantZone:
         return Capability("all", self._places, "its twin does not answer")
 
     def best(
-        self, operations: tuple[str, ...], now: Assignment, arrivals: Passing | None = None, ahead: float = AHEAD
+        self,
+        operations: tuple[str, ...],
+        now: Assignment,
+        arrivals: Passing | None = None,
+        ahead: float = AHEAD,
+        refused: Sequence[Assignment] = (),
     ) -> Flow | None:
         """The way to do some operations that lets most boxes through; None if its stations cannot do them."""
         try:
-            answer = self._ask(FlowQuestion(operations, dict(now), arrivals, ahead))
+            answer = self._ask(FlowQuestion(operations, dict(now), arrivals, ahead, tuple(map(dict, refused))))
         except CommunicationError as error:
+            if refused:
+                return None
             log.warning("zone %s stays as it is: %s", self._name, error)
             jobs = [job.name for job in self._line.jobs if job.operation in operations]
             share = {name: now[name] for name in jobs if now[name] in self._stations}

@@ -199,7 +199,7 @@ class LiveZone:
         share = {name: at for name, at in asked.set_up.items() if at in self._twin.stations}
         if not asked.operations:
             return FlowAnswer(share, self._twin.rate(share) if share else 0.0)
-        flow = self._twin.best(asked.operations, asked.set_up, asked.arrivals, asked.ahead)
+        flow = self._twin.best(asked.operations, asked.set_up, asked.arrivals, asked.ahead, asked.refused)
         return FlowAnswer({}, 0.0) if flow is None else FlowAnswer(dict(flow.assignment), flow.rate, flow.left)
 
     def _note(self, decision: Decision) -> None:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Protocol
 
-from dtwin.bus.line.plant import Passing
+from dtwin.bus.line.plant import WAYS, Passing
 from dtwin.line.line import Assignment, Line
 from dtwin.line.station import WorkTimes
 from dtwin.line.twins.ability import Capability
@@ -29,12 +30,17 @@ class Zone(Protocol):
         """What the arm of a station can still do."""
 
     def best(
-        self, operations: tuple[str, ...], now: Assignment, arrivals: Passing | None = None, ahead: float = AHEAD
+        self,
+        operations: tuple[str, ...],
+        now: Assignment,
+        arrivals: Passing | None = None,
+        ahead: float = AHEAD,
+        refused: Sequence[Assignment] = (),
     ) -> Flow | None:
         """The way to do some operations that lets most boxes through; None if its stations cannot do them.
 
         Arrivals are boxes that come from the zone before, None if there are always more; ahead is the time for which
-        that is found out, s.
+        that is found out, s; what is refused is not meant.
         """
 
     def rate(self, assignment: Assignment) -> float:
@@ -118,28 +124,39 @@ class OverallTwin:
         """What comes of ways to share the operations out, as far as they are possible and were not refused."""
         found = []
         for each in shares:
-            flows = self._flows(each, now, ahead)
-            if flows is None:
-                continue
-            whole = {name: station for flow in flows.values() for name, station in flow.assignment.items()}
-            rate, slowest = min((flow.rate, name) for name, flow in flows.items())
-            if whole not in refused:
-                found.append(_Way(each, whole, min(3600.0 / self._line.source.every, rate), slowest))
+            for flows in self._flows(each, now, ahead):
+                whole = {name: station for flow in flows.values() for name, station in flow.assignment.items()}
+                rate, slowest = min((flow.rate, name) for name, flow in flows.items())
+                if whole not in refused:
+                    found.append(_Way(each, whole, min(3600.0 / self._line.source.every, rate), slowest))
         return found
 
-    def _flows(self, shares: Shares, now: Assignment, ahead: float) -> dict[str, Flow] | None:
-        """The best that each zone with something to do makes of its share, with the boxes that the ones before let
-        through; None if one cannot do it."""
-        flows: dict[str, Flow] = {}
-        arrivals: Passing | None = None
-        for zone, share in zip(self._zones, shares, strict=True):
-            if not share:
-                continue
-            flow = zone.best(share, now, arrivals, ahead)
-            if flow is None:
-                return None
-            flows[zone.name], arrivals = flow, flow.left
-        return flows
+    def _flows(self, shares: Shares, now: Assignment, ahead: float) -> list[dict[str, Flow]]:
+        """What zones with something to do make of their shares, each with the boxes that the ones before let through.
+
+        The best for a zone is not always the best for the zones behind it: at a second look all but the last one are
+        tried with other ways, too.
+        """
+        busy = [(zone, share) for zone, share in zip(self._zones, shares, strict=True) if share]
+        found: list[tuple[dict[str, Flow], Passing | None]] = [({}, None)]
+        for number, (zone, share) in enumerate(busy, 1):
+            most = WAYS if ahead > AHEAD and number < len(busy) else 1
+            found = [
+                ({**before, zone.name: flow}, flow.left)
+                for before, arrivals in found
+                for flow in _choices(partial(zone.best, share, now, arrivals, ahead), most)
+            ]
+        return [flows for flows, _ in found]
+
+
+def _choices(best: Callable[[Sequence[Assignment]], Flow | None], most: int) -> list[Flow]:
+    """The best ways to do something, so many at most, that are NEAR the very best."""
+    found: list[Flow] = []
+    while len(found) < most and (flow := best([each.assignment for each in found])) is not None:
+        if found and flow.rate < NEAR * found[0].rate:
+            break
+        found.append(flow)
+    return found
 
 
 def changed(before: Assignment, after: Assignment) -> int:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from threading import Lock
 from typing import Final
@@ -133,7 +133,12 @@ class ZoneTwin:
         ]
 
     def best(
-        self, operations: tuple[str, ...], now: Assignment, arrivals: Passing | None = None, ahead: float = AHEAD
+        self,
+        operations: tuple[str, ...],
+        now: Assignment,
+        arrivals: Passing | None = None,
+        ahead: float = AHEAD,
+        refused: Sequence[Assignment] = (),
     ) -> Flow | None:
         """The way to do some operations that lets most boxes through; of equals the one with fewest changes.
 
@@ -144,11 +149,12 @@ class ZoneTwin:
             now: the station of each job now.
             arrivals: boxes that come from the zone before; None if there are always more.
             ahead: time that is simulated, s; beyond AHEAD of those ways alone that are NEAR the best until then.
+            refused: ways that are not meant.
 
         Returns:
             None if the stations cannot do them.
         """
-        ways, situation = self.assignments(operations), self._now()
+        ways, situation = [each for each in self.assignments(operations) if each not in refused], self._now()
         if not ways:
             return None
         found = [] if situation is None else [self._from(situation, each, arrivals) for each in ways]
