@@ -1,0 +1,1 @@
+"""What a service does before it counts as ready."""
