@@ -325,7 +325,6 @@ def launched(options: CellOptions) -> Iterator[Launched]:
     Raises:
         DtwinError: an option cannot be used, or a cell of that name is up.
     """
-    warning = options.warning()
     meet = f"tcp/127.0.0.1:{free_port()}"
     key = new_key()
     with (
@@ -354,7 +353,7 @@ def launched(options: CellOptions) -> Iterator[Launched]:
             options.management(file.path),
             page=ports.page_url if options.viewer == "web" else "",
             console=f"http://{LOOPBACK}:{console}/" if options.console else "",
-            warning=warning,
+            warning=options.warning(),
             history=str(options.history.resolve()),
             store=str(options.store.resolve()),
             cell_file=options.cell_file or "",

@@ -29,6 +29,8 @@ ROOM: Final = "." * 8000
 """Last word of this process's command line, over which the words of what it forks are written."""
 LONGEST: Final = 1 << 18
 """Of a request, bytes; a longer one cannot be sent through a socket as one message."""
+_COMPILED: Final = "dtwin.twin.compiled"
+"""Module that is loaded when there are kernels, whose compiler takes as long to load as many modules."""
 _ARGUMENTS: Final = slice(45, 47)
 """Where proc(5) tells the place of the command line in memory: fields 48 and 49, the first two taken away."""
 
@@ -56,8 +58,7 @@ def serve(requests: socket.socket) -> Asked | None:
         if not message:
             return None
         asked = msgspec.json.decode(message, type=Asked)
-        with suppress(Exception):  # The new process finds the same and says it.
-            import_module(asked.words[2])
+        _load(asked.words[2])
         gc.freeze()
         if (pid := _forked()) == 0:
             requests.close()
@@ -65,6 +66,14 @@ def serve(requests: socket.socket) -> Asked | None:
         for descriptor in descriptors:
             os.close(descriptor)
         requests.send(str(pid).encode())
+
+
+def _load(module: str) -> None:
+    """Loads a module, and what it does first of all."""
+    with suppress(Exception):  # The new process finds the same and says it.
+        import_module(module)
+        if _COMPILED in sys.modules:
+            sys.modules[_COMPILED].ready_compiler()
 
 
 def become(asked: Asked) -> None:
