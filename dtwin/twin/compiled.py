@@ -33,7 +33,7 @@ from numba.core import event
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.registry import cpu_target
 
-from iec61499.native.kept import temporary
+from iec61499.runtime.kept.folder import temporary
 
 log = logging.getLogger(__name__)
 

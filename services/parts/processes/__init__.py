@@ -1,1 +1,1 @@
-"""What a service does before it counts as ready."""
+"""How the processes of services are made: forked from one that has loaded their modules, or anew."""
