@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 import signal
-import subprocess
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -28,7 +27,6 @@ from dtwin.files import LOG, RECORDING, ensure_writable
 from dtwin.identification.store import STORE, ModelStore, model_path
 from dtwin.names import check_name
 from dtwin.options import arguments
-from dtwin.parameters import SOURCE
 from dtwin.recovery.modes import RecoveryMode
 from dtwin.run.loop import tick_count
 from dtwin.run.options import ArmOptions, CellFileOption, ControlOptions, PlantOptions
@@ -40,10 +38,11 @@ from dtwin.services.parts.journal import carry_over
 from dtwin.services.parts.launched import Launched, running, signals
 from dtwin.services.parts.pace import Pace
 from dtwin.services.parts.part_files import discard_markers, discard_parts
+from dtwin.services.parts.processes.starter import Starter
 from dtwin.services.parts.stopping.watchdog import ALARM as ALARMING
 from dtwin.services.runfile import OPERATOR, SUPERVISOR, RunFile
 from dtwin.services.service import current_processor, free_port, held_port
-from dtwin.services.supervisor import UNDRAWN, Program, Supervisor
+from dtwin.services.supervisor import Program, Supervisor
 from dtwin.simulation.history import HISTORY
 from dtwin.view.viewer import LOOPBACK, Detail, Ports, Viewer, free_ports
 from iec61499.net.address import LocalAddress, parse_address
@@ -106,8 +105,11 @@ class CellOptions(PlantOptions, ControlOptions, OtherArmOptions):
     zenoh: Path | None = None
     """Zenoh configuration file, or a folder with one per service; else peers on this machine."""
 
-    def check(self) -> None:
+    def check(self, starter: Starter) -> None:
         """Finds what is wrong with the options here, rather than in a service.
+
+        Args:
+            starter: starts the process in which they are checked where that takes MuJoCo.
 
         Raises:
             DtwinError: an option is out of range or cannot be read.
@@ -118,10 +120,12 @@ class CellOptions(PlantOptions, ControlOptions, OtherArmOptions):
         if self.duration is not None:
             tick_count(self.duration)
         if other is None:
-            self._check_plant()
+            self._check_plant(starter)
         else:
             record = ["--commissioned", str(self.commissioned)] if self.commissioned else []
-            _check_apart("chain.check", [*other.words, *record, *(["--identified"] if self.identification else [])])
+            _check_apart(
+                starter, "chain.check", [*other.words, *record, *(["--identified"] if self.identification else [])]
+            )
         for path, ending in ((self.log, LOG), (self.record, RECORDING)):
             if path is not None:
                 ensure_writable(path, ending)
@@ -154,13 +158,13 @@ class CellOptions(PlantOptions, ControlOptions, OtherArmOptions):
         assert self.model is not None
         return model_path(self.model, ModelStore(self.store)).resolve()
 
-    def _check_plant(self) -> None:
+    def _check_plant(self, starter: Starter) -> None:
         """Has the emulated cell made once in a process of its own, if more than its noise is unusual."""
         check_seed(self.seed)
         settings = self.settings()
         check_noise(settings.noise_kind, settings.noise)
         if arguments(replace(self, seed=0, noise=None, noise_kind=None), PlantOptions):
-            _check_apart("check", arguments(self, PlantOptions))
+            _check_apart(starter, "check", arguments(self, PlantOptions))
 
     @property
     def other(self) -> OtherArm | None:
@@ -321,11 +325,10 @@ def launched(options: CellOptions) -> Iterator[Launched]:
     Raises:
         DtwinError: an option cannot be used, or a cell of that name is up.
     """
-    options.check()
-    warning = options.warning()
     meet = f"tcp/127.0.0.1:{free_port()}"
     key = new_key()
     with (
+        _checked(options) as starter,
         options.bus(meet, key) as bus,
         signals(signal.default_int_handler),
         RunFile(options.cell) as file,
@@ -340,7 +343,7 @@ def launched(options: CellOptions) -> Iterator[Launched]:
         if options.marked is not None:
             discard_parts(options.marked)
         ports = free_ports()
-        supervisor = Supervisor(bus, options.programs(meet, file.path, ports, console), key)
+        supervisor = Supervisor(bus, options.programs(meet, file.path, ports, console), key, starter)
         zenoh = None if options.zenoh is None else str(options.zenoh.resolve())
         up = runfile.Up(
             os.getpid(),
@@ -350,7 +353,7 @@ def launched(options: CellOptions) -> Iterator[Launched]:
             options.management(file.path),
             page=ports.page_url if options.viewer == "web" else "",
             console=f"http://{LOOPBACK}:{console}/" if options.console else "",
-            warning=warning,
+            warning=options.warning(),
             history=str(options.history.resolve()),
             store=str(options.store.resolve()),
             cell_file=options.cell_file or "",
@@ -366,18 +369,31 @@ def launched(options: CellOptions) -> Iterator[Launched]:
         state.unlink(missing_ok=True)
 
 
+@contextmanager
+def _checked(options: CellOptions) -> Iterator[Starter]:
+    """What starts the processes of a cell, once nothing was found wrong with its options.
+
+    Raises:
+        DtwinError: an option cannot be used.
+    """
+    with Starter() as starter:
+        options.check(starter)
+        yield starter
+
+
 def _service(name: str, options: list[str], leading: bool = False) -> Program:
     return Program(name, [sys.executable, "-m", f"dtwin.services.{name}", *options], leading)
 
 
-def _check_apart(service: str, options: Iterable[str]) -> None:
+def _check_apart(starter: Starter, service: str, options: Iterable[str]) -> None:
     """Has options checked in a process of their own.
 
     Raises:
         ParameterError: they cannot be used.
     """
-    command = [sys.executable, "-m", f"dtwin.services.{service}", *options]
-    environment = {**UNDRAWN, **os.environ, "PYTHONPATH": str(SOURCE)}
-    made = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
-    if made.returncode:
-        raise ParameterError(made.stderr.strip().splitlines()[-1].removeprefix("check: "))
+    process = starter.start([sys.executable, "-m", f"dtwin.services.{service}", *options])
+    assert process.stderr is not None
+    with process.stderr:
+        said = process.stderr.read()
+    if process.wait():
+        raise ParameterError(said.strip().splitlines()[-1].removeprefix("check: "))

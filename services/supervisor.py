@@ -1,11 +1,11 @@
 """Keeps the services of a cell running: starts them in order, restarts what dies, gathers what they say.
 
 The children hold one end of a pipe: when the supervisor goes, in whatever way, they notice and end.
+`dtwin.services.parts.processes` says how their processes are made.
 """
 
 from __future__ import annotations
 
-import os
 import re
 import signal
 import subprocess
@@ -36,13 +36,11 @@ from dtwin.bus.signature import KEY
 from dtwin.bus.twin_messages import MonitoringVerdict
 from dtwin.bus.verdicts.opinion import Opinion, is_known
 from dtwin.errors import CommunicationError
-from dtwin.parameters import SOURCE
+from dtwin.services.parts.processes.starter import Process, Starter
 from dtwin.signals import Event
 
 LIFELINE: Final = "DTWIN_LIFELINE"
 """Environment variable of the children: the descriptor that is at its end when the supervisor has gone."""
-UNDRAWN: Final = {"MUJOCO_GL": "disable"}
-"""Environment of processes that draw nothing with MuJoCo, which otherwise looks for OpenGL when it is loaded."""
 PREPARED: Final = "DTWIN_PREPARED"
 """Environment variable of a child that starts again: what it needs was compiled by an earlier one."""
 AGAIN: Final = 75
@@ -74,7 +72,7 @@ class Program:
 class _Child:
     """One service's process and what is known of it."""
 
-    def __init__(self, program: Program, lifeline: int, key: bytes) -> None:
+    def __init__(self, program: Program, starter: Starter, key: bytes) -> None:
         self.program = program
         self._key = key
         self.restarts = 0
@@ -84,9 +82,9 @@ class _Child:
         self.arrived = False
         self._prepared = False
         self.done = False
-        self._lifeline = lifeline
+        self._starter = starter
         self._said: deque[str] = deque(maxlen=20)
-        self._process: subprocess.Popen[str] | None = None
+        self._process: Process | None = None
         self._delay = FIRST_DELAY
         self._born = 0.0
         self._start_at = 0.0
@@ -98,24 +96,13 @@ class _Child:
 
     def start(self) -> None:
         self._prepared |= self.arrived
-        self._process = subprocess.Popen(
+        self._process = self._starter.start(
             self.program.command,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-            text=True,
-            errors="replace",
-            cwd=None,
-            env={
-                **UNDRAWN,
-                **os.environ,
-                LIFELINE: str(self._lifeline),
+            {
+                LIFELINE: str(self._starter.lifeline),
                 KEY: self._key.hex(),
                 **({PREPARED: "1"} if self._prepared else {}),
-                "PYTHONPATH": str(SOURCE),
             },
-            pass_fds=(self._lifeline,),
-            start_new_session=True,
         )
         self._born = self.heard = time.monotonic()
         self.arrived = False
@@ -202,7 +189,7 @@ class _Child:
             return ServiceSummary("running", 0.0, self.restarts, error)
         return ServiceSummary(status.state, status.rate_hz, self.restarts, error)
 
-    def _listen(self, process: subprocess.Popen[str]) -> None:
+    def _listen(self, process: Process) -> None:
         assert process.stderr is not None
         with process.stderr:
             for line in process.stderr:
@@ -218,11 +205,12 @@ class Supervisor:
         bus: is watched for tokens and statuses.
         programs: The services, in the order in which they are started.
         key: The secret with which the services of this cell sign what they say.
+        starter: starts their processes, and is closed when they have been stopped; a new one if not given.
     """
 
-    def __init__(self, bus: Bus, programs: Iterable[Program], key: bytes) -> None:
-        self._lifeline, self._hold = os.pipe()
-        self._children = {program.name: _Child(program, self._lifeline, key) for program in programs}
+    def __init__(self, bus: Bus, programs: Iterable[Program], key: bytes, starter: Starter | None = None) -> None:
+        self._starter = Starter() if starter is None else starter
+        self._children = {program.name: _Child(program, self._starter, key) for program in programs}
         bus.watch_alive(self._note_token)
         self._opinion = Opinion()
         self._events: deque[Event] = deque(maxlen=REMEMBERED)
@@ -275,8 +263,7 @@ class Supervisor:
         """Ends all programs, last started first."""
         for child in reversed(self._children.values()):
             child.stop()
-        os.close(self._hold)
-        os.close(self._lifeline)
+        self._starter.close()
 
     def summary(self) -> Summary:
         """How everything does."""

@@ -31,8 +31,9 @@ from typing import Any, Final
 import numba
 from numba.core import event
 from numba.core.caching import FunctionCache, IndexDataCacheFile
+from numba.core.registry import cpu_target
 
-from iec61499.native.kept import temporary
+from iec61499.runtime.kept.folder import temporary
 
 log = logging.getLogger(__name__)
 
@@ -86,6 +87,12 @@ def _cache(function: Callable[..., Any], uses: tuple[ModuleType, ...]) -> _Cache
             raise
         numba.config.CACHE_DIR = str(folder)  # also of all other kernels
         return _Cache(function, uses)
+
+
+def ready_compiler() -> None:
+    """Has Numba load what it knows of types and functions, which it does else for the first kernel that is loaded."""
+    cpu_target.typing_context.refresh()
+    cpu_target.target_context.refresh()
 
 
 @contextmanager

@@ -17,6 +17,7 @@ import msgspec
 from dtwin.bus.messages import STATUS, Status
 from dtwin.errors import CommunicationError
 from dtwin.parameters import ROOT
+from dtwin.services.parts.processes.fork_server import MODULE as FORK_SERVER
 from dtwin.services.runfile import join, require
 
 KILLED: Final = ("identification", "monitoring")
@@ -67,13 +68,22 @@ def measure_start(checkout: Path = ROOT) -> Start:
             with join(cell) as bus:
                 told: SimpleQueue[Status] = SimpleQueue()
                 bus.subscribe(STATUS, Status, told.put)
-                pids = _pids(told, {"supervisor": require(cell).pid})
+                supervisor = require(cell).pid
+                pids = _pids(told, {"supervisor": supervisor, **_fork_server(supervisor)})
                 memory = {name: _memory(pid, "Pss") for name, pid in pids.items()}
                 resident = {name: _memory(pid, "Rss") for name, pid in pids.items()}
                 again = {name: _again(told, name, pids[name]) for name in KILLED}
         finally:
             dtwin("down")
     return Start(ready, memory, resident, again)
+
+
+def _fork_server(supervisor: int) -> dict[str, int]:
+    """The process that forks the services, if the supervisor has one."""
+    children = Path(f"/proc/{supervisor}/task/{supervisor}/children").read_text().split()
+    forking = os.fsencode(FORK_SERVER)
+    found = [pid for pid in children if forking in Path(f"/proc/{pid}/cmdline").read_bytes().split(b"\0")]
+    return {} if not found else {"fork server": int(found[0])}
 
 
 def _pids(told: SimpleQueue[Status], known: dict[str, int]) -> dict[str, int]:

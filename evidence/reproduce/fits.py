@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from dtwin.campaign.spread import Progress
 from dtwin.controller.excitation import ExcitationController
@@ -20,6 +19,9 @@ from evidence.identification.friction import COULOMB
 from evidence.report import Picture
 from evidence.reproduce.chapter import Chapter, Line, Part, Scope, curve, percent
 from evidence.reproduce.parameters import settings, thesis_settings
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 DIFFERENCE: Final = np.array([-49 / 20, 6, -15 / 2, 20 / 3, -15 / 4, 6 / 5, -1 / 6])
 """The sixth-order forward difference by which the thesis estimates the speeds at the first sample, times PERIOD."""

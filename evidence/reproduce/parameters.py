@@ -11,7 +11,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from dtwin.campaign.spread import Progress
 from dtwin.identification.estimation.estimate import EstimationSettings

@@ -29,9 +29,9 @@ from typing import Any, Final
 from iec61499 import model
 from iec61499.errors import NativeError
 from iec61499.library import Library
-from iec61499.native.kept import MAKING, kept_folder, tidy, used
 from iec61499.native.layout import Layout, network_layout
 from iec61499.native.unit import Unit, unit_of
+from iec61499.runtime.kept.folder import MAKING, kept_folder, tidy, used
 
 log = logging.getLogger(__name__)
 

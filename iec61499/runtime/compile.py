@@ -18,14 +18,13 @@ from iec61499 import model
 from iec61499.errors import FunctionBlockError
 from iec61499.runtime import communication, timers
 from iec61499.runtime.chart import CHAIN_LIMIT, ChartWriter, handler_name
-from iec61499.runtime.checker import BlockChecker
 from iec61499.runtime.inner_blocks import add_reactions
+from iec61499.runtime.kept.block_text import text_of
 from iec61499.runtime.linking.generic_ports import unconnected
-from iec61499.runtime.publication import late_outputs
 from iec61499.runtime.service_interface import EventHandler, ServiceBehaviour
 from iec61499.runtime.services import absent, clocked, utilities
 from iec61499.st.python.expressions import python_name, wiring_name
-from iec61499.st.python.translate import CONDITION_GLOBALS, compile_algorithm, compile_condition
+from iec61499.st.python.translate import CONDITION_GLOBALS, define_algorithm
 
 PUBLISHED: Final = "p__"
 
@@ -155,26 +154,24 @@ class _Algorithmic:
 
     def __init__(self, block: model.BasicFBType | model.SimpleFBType) -> None:
         self._block = block
-        self._checker = BlockChecker(block)
         self._with = {event.name: event.with_variables for event in block.interface.event_outputs}
 
     def compile(self) -> CompiledType:
         block = self._block
-        checked = {algorithm.name: self._checker.algorithm(algorithm) for algorithm in block.algorithms}
-        names = {algorithm: f"algorithm_{number}" for number, algorithm in enumerate(checked)}
+        text = text_of(block)
+        names = {algorithm: f"algorithm_{number}" for number, algorithm in enumerate(text.algorithms)}
         space: dict[str, Any] = {**CONDITION_GLOBALS, "endless_chain": _endless_chain}
         inner_state = add_reactions(block, space)
-        for algorithm, code in checked.items():
-            space[names[algorithm]] = compile_algorithm(code, f"{block.header.name}.{algorithm}", space)
-        late = late_outputs(block, checked)
+        for algorithm, code in text.algorithms.items():
+            space[names[algorithm]] = define_algorithm(code, f"{block.header.name}.{algorithm}", space)
         published = {
-            variable.name: (PUBLISHED if variable.name in late else "") + python_name(variable.name)
+            variable.name: (PUBLISHED if variable.name in text.late else "") + python_name(variable.name)
             for variable in block.interface.outputs
         }
         actions = {state.name: self._action_lines(state, names, published) for state in block.states}
         events = [event.name for event in block.interface.event_inputs]
         if isinstance(block, model.BasicFBType):
-            guards = {t: compile_condition(self._checker.guard(t)) for t in block.transitions if t.guard}
+            guards = dict(zip((t for t in block.transitions if t.guard), text.guards, strict=True))
             lines = ChartWriter(block.states, block.transitions, guards, actions).write(events)
             state = {"state__": 0}
         else:

@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 import pytest
-from scipy.stats import poisson
 
 from dtwin.logs.log import Log
 from dtwin.parameters import HANGING, PERIOD
@@ -98,6 +97,8 @@ def test_a_stopped_arm_is_let_go_on() -> None:
 
 @pytest.mark.parametrize("alarms", [0, 1, 7])
 def test_the_interval_leaves_two_and_a_half_percent_on_either_side(alarms: int) -> None:
+    from scipy.stats import poisson  # takes long to load
+
     low, high = interval(alarms, 2.0)
     assert poisson.cdf(alarms, 2.0 * high) == pytest.approx(0.025)
     if alarms:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -188,24 +189,28 @@ def looked(
     return did, guard.look("a2", None, arm, 0, 10.0), guard
 
 
-SOME = Capability("some places", ("blue", "red"), "weak", ArmSettings(2.2, HEALTHY), rehearsed(PLAN))
+@cache
+def some() -> Capability:
+    return Capability("some places", ("blue", "red"), "weak", ArmSettings(2.2, HEALTHY), rehearsed(PLAN))
+
+
 SOME_TEXT = "a model of what it is now, and 2.2 s for a motion"
 
 
 def test_an_arm_goes_on_only_if_it_reaches_the_places_where_its_boxes_belong() -> None:
-    did, reasons, guard = looked(SOME, {"red"})
+    did, reasons, guard = looked(some(), {"red"})
     assert (did, reasons) == ([SOME_TEXT], ["a2 can do some places"])
     assert guard.capability("a2").places == ("blue", "red")
-    did, reasons, guard = looked(SOME, {"red", "green"})
+    did, reasons, guard = looked(some(), {"red", "green"})
     assert (did, reasons) == (["stop failed"], ["a2 can do nothing"])
     assert guard.capability("a2").places == (), "a stopped arm does nothing, whatever it could"
     node = guard._nodes["a2"]
-    node.capability = SOME
+    node.capability = some()
     assert guard.look("a2", None, FREE, 0, 11.0) == [], "what is found of it later changes nothing of that"
     assert guard.capability("a2").places == ()
-    did, reasons, _ = looked(replace(SOME, ability="all"), {"red"})
+    did, reasons, _ = looked(replace(some(), ability="all"), {"red"})
     assert (did, reasons) == ([SOME_TEXT], []), "there is no reason to share the work out otherwise"
-    assert looked(SOME, {"red"}, mode="propose")[0] == []
+    assert looked(some(), {"red"}, mode="propose")[0] == []
 
 
 @pytest.mark.parametrize("explained", [True, False])
@@ -213,7 +218,7 @@ def test_a_stop_that_nothing_explains_is_told_as_such_once(explained: bool, monk
     notes: list[Decision] = []
     nothing = lambda *words: None  # noqa: E731
     hands = Hands(nothing, nothing, lambda station: (), nothing, lambda station: 0, notes.append)
-    guard = Guard({"a2": FakeNode(SOME)}, "act", hands)
+    guard = Guard({"a2": FakeNode(some())}, "act", hands)
     for second in range(40):
         late = [found("K1", -0.4)] if explained and second == 5 else []
         monkeypatch.setattr(FakeNode, "watch", lambda self, *words, late=late: late)
@@ -230,7 +235,7 @@ def test_what_is_found_again_and_again_is_told_once_until_the_arm_is_repaired() 
     notes: list[Decision] = []
     nothing = lambda *words: None  # noqa: E731
     hands = Hands(nothing, nothing, lambda station: (), nothing, lambda station: 0, notes.append)
-    guard = Guard({"a2": FakeNode(SOME)}, "propose", hands)
+    guard = Guard({"a2": FakeNode(some())}, "propose", hands)
     for second in range(5):
         guard.look("a2", None, HOLDING, 0, 10.0 + second)
     assert [note.what for note in notes] == ["finding", "proposal"]
@@ -240,7 +245,7 @@ def test_what_is_found_again_and_again_is_told_once_until_the_arm_is_repaired() 
 
 
 def test_an_arm_gets_other_settings_between_two_boxes() -> None:
-    did, _, guard = looked(SOME, {"red"}, HOLDING)
+    did, _, guard = looked(some(), {"red"}, HOLDING)
     assert did == []
     node = guard._nodes["a2"]
     node.rests = False
@@ -252,11 +257,11 @@ def test_an_arm_gets_other_settings_between_two_boxes() -> None:
 
 
 def test_an_arm_that_new_settings_make_worse_is_stopped() -> None:
-    did, _, guard = looked(SOME, {"red"})
+    did, _, guard = looked(some(), {"red"})
     node = guard._nodes["a2"]
     assert isinstance(node, FakeNode)
     node.doubt = "with the settings on trial it was 200 mrad from its path"
-    assert guard.look("a2", None, FREE, 0, 40.0, SOME.settings) == ["a2 can do nothing"]
+    assert guard.look("a2", None, FREE, 0, 40.0, some().settings) == ["a2 can do nothing"]
     assert did == [SOME_TEXT, "stop failed"]
     assert "200 mrad" in guard.capability("a2").why
 

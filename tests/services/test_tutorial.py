@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from dtwin.cli import main
-from iec61499.native.kept import kept_folder
+from iec61499.runtime.kept.folder import kept_folder
 from tests.support.desk import Desk
 from tests.support.pages.blocks import blocks, words_of
 

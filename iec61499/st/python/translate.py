@@ -9,7 +9,7 @@ wrapping.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -70,6 +70,57 @@ def python_source(checked: typed.CheckedAlgorithm, self_name: str = "s") -> Pyth
     )
 
 
+@dataclass(frozen=True, slots=True)
+class Written:
+    """An algorithm as Python, of which `define_algorithm` makes a function.
+
+    Attributes:
+        lines: the statements of the function.
+        uses: names of the helpers that they call.
+        exact_lines: those that take over where the others raise; None when these never do.
+        exact_uses: names of the helpers that the exact ones call.
+        direct: whether the block's variables stay attributes of the instance, since blocks inside react on the way.
+    """
+
+    lines: tuple[str, ...]
+    uses: tuple[str, ...]
+    exact_lines: tuple[str, ...] | None = None
+    exact_uses: tuple[str, ...] = ()
+    direct: bool = False
+
+
+def write_algorithm(checked: typed.CheckedAlgorithm) -> Written:
+    """Writes the function that `compile_algorithm` makes."""
+    if typed.invokes(checked.body):
+        direct = _PythonGenerator(checked, "_s", exact=True, direct=True)
+        return Written(tuple(direct.algorithm(checked.body)), tuple(sorted(direct.used)), direct=True)
+    code = python_source(checked, "_s")
+    loads = [f"{python_name(n)} = {_load(f'_s.{python_name(n)}', n in code.modified_arrays)}" for n in code.reads]
+    stores = list(_stores(code.writes, "_s"))
+    if code.exact_lines is None:
+        return Written((*loads, *code.lines, *stores), tuple(code.globals))
+    lines = (
+        "try:",
+        *_indented([*loads, *code.lines]),
+        "except (ZeroDivisionError, OverflowError, ValueError):",
+        f"{_INDENT}return _exact(_s)",
+        *stores,
+    )
+    return Written(lines, tuple(code.globals), (*loads, *code.exact_lines, *stores), tuple(code.exact_globals))
+
+
+def define_algorithm(
+    written: Written, name: str, reactions: Mapping[str, Any] | None = None
+) -> Callable[[Any], None]:
+    """The function that `compile_algorithm` makes, of what was written."""
+    if written.direct:
+        return _define(name, written.lines, {**_select(written.uses, helpers.EXACT), **(reactions or {})})
+    names = _select(written.uses, helpers.FAST)
+    if written.exact_lines is not None:
+        names["_exact"] = _define(f"{name} (exact)", written.exact_lines, _select(written.exact_uses, helpers.EXACT))
+    return _define(name, written.lines, names)
+
+
 def compile_algorithm(
     checked: typed.CheckedAlgorithm, name: str, reactions: Mapping[str, Any] | None = None
 ) -> Callable[[Any], None]:
@@ -82,24 +133,7 @@ def compile_algorithm(
         FunctionBlockError: the call of the function meets an index out of range, or a loop finds no iteration left in
             `resource__.iterations` of the instance.
     """
-    if typed.invokes(checked.body):
-        direct = _PythonGenerator(checked, "_s", exact=True, direct=True)
-        stepwise = list(direct.algorithm(checked.body))
-        return _define(name, stepwise, {**_select(direct.used, helpers.EXACT), **(reactions or {})})
-    code = python_source(checked, "_s")
-    loads = [f"{python_name(n)} = {_load(f'_s.{python_name(n)}', n in code.modified_arrays)}" for n in code.reads]
-    stores = list(_stores(code.writes, "_s"))
-    if code.exact_lines is None:
-        return _define(name, [*loads, *code.lines, *stores], code.globals)
-    exact = _define(f"{name} (exact)", [*loads, *code.exact_lines, *stores], code.exact_globals)
-    lines = [
-        "try:",
-        *_indented([*loads, *code.lines]),
-        "except (ZeroDivisionError, OverflowError, ValueError):",
-        f"{_INDENT}return _exact(_s)",
-        *stores,
-    ]
-    return _define(name, lines, {**code.globals, "_exact": exact})
+    return define_algorithm(write_algorithm(checked), name, reactions)
 
 
 def compile_condition(checked: typed.Expression, self_name: str = "s") -> str:
@@ -129,7 +163,7 @@ def _indented(lines: Iterable[str]) -> list[str]:
     return [_INDENT + line for line in lines]
 
 
-def _define(name: str, lines: list[str], names: dict[str, Any]) -> Callable[[Any], None]:
+def _define(name: str, lines: Sequence[str], names: dict[str, Any]) -> Callable[[Any], None]:
     source = "\n".join(["def run(_s):", *_indented(lines or ["pass"])]) + "\n"
     namespace = {**names, "_copy": helpers.copy}
     try:

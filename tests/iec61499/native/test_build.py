@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 
 from dtwin.errors import NativeError
-from iec61499.native import build, kept
+from iec61499.native import build
 from iec61499.native.resource import NativeResource
+from iec61499.runtime.kept import folder as kept
 from tests.support.iec61499.c_harness import needs_compiler
 from tests.support.iec61499.networks import Types, chart, network
 

@@ -1,6 +1,7 @@
 """Pushes on an arm that holds what nobody has weighed: seen beside any load, and nothing else is taken for one."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -9,34 +10,37 @@ from dtwin.emulation.chain.faults import parse_chain_fault
 from dtwin.monitoring.chain.finding import ChainFinding
 from dtwin.monitoring.chain.learning import passed
 from dtwin.run.arm_cell import ArmCell
-from dtwin.run.chain import ChainRun, run
+from dtwin.run.chain import ChainRun, ChainSettings, run
 from evidence.arm_sorting import drawn_task, sorting
 
-CELL = ArmCell(arm="planar-2r", machine="7001").settings(90.0, 7001)
-SETTINGS = sorting(CELL, drawn_task(CELL.arm, 7001))
+
+@cache
+def settings() -> ChainSettings:
+    cell = ArmCell(arm="planar-2r", machine="7001").settings(90.0, 7001)
+    return sorting(cell, drawn_task(cell.arm, 7001))
 
 
 @pytest.fixture(scope="module")
 def healthy() -> ChainRun:
-    return run(SETTINGS)
+    return run(settings())
 
 
 def carried(ran: ChainRun) -> float:
     """A time late in the run at which the elbow is fast and carries, s."""
     laden = np.isnan(ran.unladen[:, 0]) & (ran.t > 70.0) & (ran.t < 84.0)
-    speed = np.abs(np.gradient(ran.q[:, 1], SETTINGS.arm.period))
+    speed = np.abs(np.gradient(ran.q[:, 1], settings().arm.period))
     return float(ran.t[np.argmax(np.where(laden, speed, 0.0))])
 
 
 def found(fault: str) -> ChainFinding | None:
-    ran = run(replace(SETTINGS, faults=(parse_chain_fault(fault, 2),)))
-    watch = passed(SETTINGS.arm, ran.samples, 30.0).watch
+    ran = run(replace(settings(), faults=(parse_chain_fault(fault, 2),)))
+    watch = passed(settings().arm, ran.samples, 30.0).watch
     assert watch is not None
     return watch.finding
 
 
 def test_a_push_is_seen_while_a_box_is_held(healthy: ChainRun) -> None:
-    watch = passed(SETTINGS.arm, healthy.samples, 30.0).watch
+    watch = passed(settings().arm, healthy.samples, 30.0).watch
     assert watch is not None
     assert watch.finding is None
     begin = carried(healthy)

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from scipy.signal import savgol_filter
 
 from dtwin.arm.chain import Array
 from dtwin.emulation.chain.arms import arm_of
@@ -13,6 +12,8 @@ ARM = arm_of("planar-2r")
 
 @pytest.mark.parametrize("derivative", [0, 1, 2])
 def test_samples_are_filtered_as_savitzky_and_golay_say(derivative: int) -> None:
+    from scipy.signal import savgol_filter  # takes long to load
+
     q: Array = np.random.default_rng(4).normal(size=(200, len(ARM)))
     t: Array = ARM.period * np.arange(len(q), dtype=np.float64)
     log = filtered(ARM, t, q, np.zeros_like(q))

@@ -1,4 +1,5 @@
-"""The folder of kept machine code: only this user can write it, and what was not used for longest goes first.
+"""The folder of kept machine code and written Python: only this user can write it, and what was not used for longest
+goes first.
 
 Whoever can write there could make this process do anything. A process that has loaded a file does not need it any
 more, and one that finds it gone makes it again.
@@ -24,7 +25,7 @@ MAKING: Final = ".making-"
 """Begins the names of the folders in which files are made."""
 ABANDONED: Final = 3600.0
 """Age from which nobody works in such a folder any more, s."""
-_KEPT: Final = re.compile(r".+-[0-9a-f]{64}\.so")
+_KEPT: Final = re.compile(r".+-[0-9a-f]{64}\.(so|json)")
 
 
 def own(path: Path) -> Path | None:

@@ -1,0 +1,1 @@
+"""How the processes of services are made: forked from one that has loaded their modules, or anew."""
