@@ -17,7 +17,7 @@ from dtwin.monitoring.hypotheses import OF_ENCODER, TORQUES, Retries, changes, l
 from dtwin.monitoring.kinds import BIAS, FREEZE, LOCK, MU, SUPPLY, UNKNOWN, FaultId
 from dtwin.monitoring.sensing.resting import Resting
 from dtwin.monitoring.sensing.stopped import StandsStill
-from dtwin.monitoring.signatures import SOONER, Onset, Suspicion
+from dtwin.monitoring.signatures import ALIKE, SOONER, Onset, Suspicion
 from dtwin.monitoring.tracking.moments import Moment, Moments
 
 CONSIDERED: Final = 10
@@ -91,10 +91,8 @@ class Diagnosis:
         misfit: float = 2.0,
         charges: Mapping[str, float] | None = None,
     ) -> None:
-        self._charges = charges or {}
-        self._sizes = sizes
-        self.alarm = sample
-        self._temper, self._misfit = temper, misfit
+        self._charges, self._sizes = charges or {}, sizes
+        self.alarm, self._temper, self._misfit = sample, temper, misfit
         # Where evidence counts for less, it has taken the time that is waited for otherwise.
         self._least = LEAST if temper == 1.0 else LEAST // 2
         likely = suspicions[:CONSIDERED]
@@ -177,8 +175,9 @@ class Diagnosis:
     def earned(self, earlier: float = 0.0) -> bool:
         """Whether something has failed with a probability of SURE at least.
 
-        What one sample tells counts whole if it tells more than one of very many does by chance. So does what speaks
-        against it since. Where a healthy arm is suspected SOONER times as often, odds have to be so much higher.
+        What one sample tells counts whole if it tells more than one of very many does by chance, as does what speaks
+        against it since. What a healthy arm never showed of the cause counts as if its model lacked little. Where one
+        is suspected SOONER times as often, odds have to be so much higher.
 
         Args:
             earlier: log-likelihood by which an earlier diagnosis has found the same.
@@ -187,7 +186,8 @@ class Diagnosis:
         once = self._at_once(best) if best.peak >= CERTAIN else 0.0
         rest = best.gain - once + earlier
         odds = math.log(SURE / (1.0 - SURE) * (SOONER if self._temper > 1.0 else 1.0))
-        return self.certain or once + min(rest, rest / self._temper) > odds
+        worth = max(rest / self._temper, (rest - self._charge(best)) / min(ALIKE, self._temper))
+        return self.certain or once + min(rest, worth) > odds
 
     def others(self) -> tuple[tuple[FaultId, float], ...]:
         """The causes that with the most likely one have a probability of SURE together, each with its own."""
@@ -196,10 +196,9 @@ class Diagnosis:
         for candidate, probability in self.ranked():
             if total >= SURE:
                 break
-            if candidate.includes(top):
-                continue
-            found.append((candidate.isolated, probability))
-            total += probability
+            if not candidate.includes(top):
+                found.append((candidate.isolated, probability))
+                total += probability
         return tuple(found)
 
     def ranked(self) -> list[tuple[Candidate, float]]:
@@ -375,10 +374,12 @@ class Diagnosis:
 
         What an encoder jumps by shows in one sample, and no model lacks that.
         """
-        faults = (candidate.fault, candidate.other) if candidate.other else (candidate.fault,)
-        states = [state for fault in faults for state in fault.states or map(fault.named, TORQUES)]
-        charge = max(self._charges.get(state, 0.0) for state in states)
-        return candidate.gain - max(charge - self._at_once(candidate), 0.0)
+        return candidate.gain - max(self._charge(candidate) - self._at_once(candidate), 0.0)
+
+    def _charge(self, candidate: Candidate) -> float:
+        """What a candidate has to be more likely by, because what the model lacks was seen to look like its cause."""
+        states = (state for fault in candidate.faults for state in fault.states or map(fault.named, TORQUES))
+        return max(self._charges.get(state, 0.0) for state in states)
 
     def _at_once(self, candidate: Candidate) -> float:
         """What one sample tells of an encoder's jump, of which no other sample is a repetition."""

@@ -154,6 +154,14 @@ def test_tempered_evidence_leaves_more_causes_and_earns_less(belief: Belief) -> 
     assert not diagnosis(belief, gains, ALIKE).earned()
 
 
+@pytest.mark.parametrize(("fault", "enough"), [("late", True), ("mu1", False)])
+def test_what_a_healthy_arm_never_showed_of_a_cause_earns_more(belief: Belief, fault: str, enough: bool) -> None:
+    """The model lacks much, but nothing that looks as if commands were late."""
+    found = diagnosis(belief, {fault: 70.0}, 3.0 * ALIKE)
+    found._charges = {"late": 7.0, "mu1": 240.0}
+    assert found.earned() == enough
+
+
 @pytest.mark.parametrize(
     ("gains", "temper", "ends"),
     [
@@ -410,7 +418,8 @@ def test_the_sample_in_which_an_encoder_jumps_and_what_speaks_against_it_count_i
     monkeypatch: pytest.MonkeyPatch, kind: str, peak: float, rest: float, enough: bool
 ) -> None:
     diagnosis = object.__new__(Diagnosis)
-    diagnosis._temper, diagnosis.certain = ALIKE, False
-    found = SimpleNamespace(fault=parse_fault_id(f"{kind}2"), gain=peak + rest, peak=peak)
+    diagnosis._temper, diagnosis._charges, diagnosis.certain = ALIKE, {}, False
+    fault = parse_fault_id(f"{kind}2")
+    found = SimpleNamespace(fault=fault, faults=(fault,), gain=peak + rest, peak=peak)
     monkeypatch.setattr(diagnosis, "best", lambda: (found, 0.5))
     assert diagnosis.earned() == enough
