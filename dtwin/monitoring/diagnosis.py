@@ -36,9 +36,11 @@ CERTAIN: Final = 8.0
 """log odds of a fault against the arm as believed at which it counts as failed"""
 PAUSE: Final = 4
 """samples after a diagnosis before anything is suspected again"""
+LIKELY: Final = 0.5
+"""probability that the most likely cause needs to be taken before all that may tell it from others was waited for"""
 MOST: Final = 500
-"""samples after the alarm at which the most likely cause is taken, unless what speaks for it is too little to confirm
-it and too much to dismiss it"""
+"""samples after the alarm at which it is taken, unless what speaks for it is too little to confirm it and too much to
+dismiss it"""
 EXTENDED: Final = 1500
 """samples after the alarm at which it is taken in any case: the next motions tell apart what one pose does not"""
 _PRECISE: Final = 0.02
@@ -283,9 +285,10 @@ class Diagnosis:
             return age >= ENOUGH or (self.certain and age >= LEAST and self._convinces(top, probability))
         if age < self._least or probability < DECIDED:
             # An offset and a wrong scale differ only once the joint has moved far.
-            located = top.fault.kind not in AT_ONCE and self._located(top.fault.joint) >= LOCATED
-            judged = top.gain < CERTAIN or self.earned()
-            return age >= EXTENDED or (judged and (age >= MOST or (age >= PATIENT and located)))
+            there = sum(share for each, share in self.ranked() if 0 < each.fault.joint == top.fault.joint)
+            located = top.fault.kind not in AT_ONCE and there >= LOCATED
+            judged, likely = top.gain < CERTAIN or self.earned(), top.gain < CERTAIN or probability >= LIKELY
+            return age >= EXTENDED or (judged and ((age >= MOST and likely) or (age >= PATIENT and located)))
         if top.other or top.waits or top.fault.kind == UNKNOWN:
             return age >= ENOUGH
         # What is lost has no size to be told.
@@ -318,10 +321,6 @@ class Diagnosis:
         looked = moment._replace(used=used)
         self._history.replace_last(looked)
         return looked
-
-    def _located(self, joint: int) -> float:
-        """Probability that it is a matter of a joint (1 to 3), whatever the cause; 0 for what is none."""
-        return sum(probability for each, probability in self.ranked() if joint and each.fault.joint == joint)
 
     def _convinces(self, top: Candidate, probability: float) -> bool:
         """Whether a candidate is sure; any but an encoder that has stopped has to explain the motion besides."""

@@ -167,6 +167,7 @@ def test_what_a_healthy_arm_never_showed_of_a_cause_earns_more(belief: Belief, f
     [
         ({"K1": 20.0, "payload": 12.0, "bias2": 11.0}, ALIKE, EXTENDED),
         ({"K1": 200.0, "payload": 199.0, "bias2": 150.0}, ALIKE, MOST),
+        ({"K1": 200.0, "payload": 199.0, "bias2": 198.0}, ALIKE, EXTENDED),
         ({"K1": 6.0, "payload": 5.0, "bias2": 4.0}, ALIKE, MOST),
         ({"K1": 20.0, "payload": 19.0, "bias2": 15.0}, 1.0, MOST),
     ],
