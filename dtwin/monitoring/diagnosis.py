@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final, Literal
 
 from dtwin.monitoring.candidate import AT_ONCE, Candidate, Conclusion
-from dtwin.monitoring.hypotheses import OF_ENCODER, TORQUES, Retries, changes, lawless, stopped_at_rest, stops
+from dtwin.monitoring.hypotheses import OF_ENCODER, TORQUES, Retries, changes, lawless, scales, stopped_at_rest, stops
 from dtwin.monitoring.kinds import BIAS, FREEZE, LOCK, MU, SUPPLY, UNKNOWN, FaultId
 from dtwin.monitoring.sensing.resting import Resting
 from dtwin.monitoring.sensing.stopped import StandsStill
@@ -39,8 +39,7 @@ PAUSE: Final = 4
 LIKELY: Final = 0.5
 """probability that the most likely cause needs to be taken before all that may tell it from others was waited for"""
 MOST: Final = 500
-"""samples after the alarm at which it is taken, unless what speaks for it is too little to confirm it and too much to
-dismiss it"""
+"""samples after the alarm at which it is taken, unless that is too little to confirm and too much to dismiss"""
 EXTENDED: Final = 1500
 """samples after the alarm at which it is taken in any case: the next motions tell apart what one pose does not"""
 _PRECISE: Final = 0.02
@@ -330,9 +329,10 @@ class Diagnosis:
     def _pair(self) -> None:
         """Has two changes at once tried: all if none alone explains the motion, two weaker joints if it is like the
         supply. Where no law seems to hold, what was suspected is tried anew: it may have been given up too soon."""
+        best = self.best()[0]
+        self._try([] if self.certain else scales(best, self._sizes))
         if self.certain or self._paired == "all":
             return
-        best = self.best()[0]
         self._oppose(best)
         self._pair_jumps(best)
         if best.misfit > self._misfit and self._sample - self.alarm >= LEAST:
@@ -351,18 +351,19 @@ class Diagnosis:
             self._pairs += lawless(best.fault.joint or 1, best.onset, self._sizes, others=False)
 
     def _pair_jumps(self, best: Candidate) -> None:
-        """Has tried that an encoder jumped, as one sample has shown, beside a change of another joint, which cannot
-        explain that sample."""
+        """Has tried that an encoder jumped, as one sample has shown, beside another joint's change, which cannot."""
         if self._sample - self.alarm == LEAST:
             told = (each for each in self.candidates if each.fault.kind == BIAS and each.peak >= CERTAIN)
             self._jumped = {each.fault: each for each in sorted(told, key=lambda each: each.gain)}
         if best.other or best.fault.about.hypothesis != "jump" or best.fault.kind in OF_ENCODER:
             return
-        for jump in self._jumped.values():
-            pair = jump.beside(best.fault, self._sizes)
-            if jump.fault.joint != best.fault.joint and pair.cause not in self._tried:
-                self._tried.add(pair.cause)
-                self._pairs.append(pair)
+        jumps = [each for each in self._jumped.values() if each.fault.joint != best.fault.joint]
+        self._try([each.beside(best.fault, self._sizes) for each in jumps])
+
+    def _try(self, pairs: Sequence[Candidate]) -> None:
+        """Has two changes at once tried, each once."""
+        self._pairs += [pair for pair in pairs if pair.cause not in self._tried]
+        self._tried |= {pair.cause for pair in pairs}
 
     def _caught_up(self, candidate: Candidate) -> Candidate:
         candidate.catch_up(self._history, self._sample)

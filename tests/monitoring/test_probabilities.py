@@ -363,6 +363,26 @@ def test_two_weaker_joints_are_tried_as_soon_as_it_looks_like_the_supply(
 
 
 @pytest.mark.parametrize(
+    ("first", "other", "scaled"),
+    [
+        *(("bias2", "mu1", True), ("mu1", "bias2", True)),
+        *(("bias2", "bias3", False), ("bias2", "drift3", False), ("K2", "D3", False)),
+    ],
+)
+def test_of_an_offset_beside_another_change_a_wrong_scale_is_tried(
+    belief: Belief, first: str, other: str, scaled: bool
+) -> None:
+    """Both jump alike, and the offset was named for sure."""
+    found = diagnosis(belief, {first: 20.0})
+    onset, sizes = found.candidates[0].onset, plausible_sizes(belief.arm)
+    found.candidates = [Candidate(parse_fault_id(first), onset, sizes, other=parse_fault_id(other))]
+    for _ in range(2):
+        found._pair()
+    tried = [set(map(str, pair.faults)) for pair in found._pairs if pair.other]
+    assert tried == ([{"scale2", "mu1"}] if scaled else [])
+
+
+@pytest.mark.parametrize(
     ("beside", "peak", "tried"), [("D1", 20.0, 1), ("D1", 2.0, 0), ("D3", 20.0, 0), ("drift2", 20.0, 0)]
 )
 def test_a_jump_that_one_sample_has_shown_is_tried_beside_a_change_of_another_joint(
