@@ -13,11 +13,11 @@ from collections.abc import Mapping, Sequence
 from typing import Final, Literal
 
 from dtwin.monitoring.candidate import AT_ONCE, Candidate, Conclusion
-from dtwin.monitoring.hypotheses import OF_ENCODER, TORQUES, Retries, changes, lawless, stopped_at_rest, stops
+from dtwin.monitoring.hypotheses import OF_ENCODER, TORQUES, Retries, changes, lawless, scales, stopped_at_rest, stops
 from dtwin.monitoring.kinds import BIAS, FREEZE, LOCK, MU, SUPPLY, UNKNOWN, FaultId
 from dtwin.monitoring.sensing.resting import Resting
 from dtwin.monitoring.sensing.stopped import StandsStill
-from dtwin.monitoring.signatures import SOONER, Onset, Suspicion
+from dtwin.monitoring.signatures import ALIKE, SOONER, Onset, Suspicion
 from dtwin.monitoring.tracking.moments import Moment, Moments
 
 CONSIDERED: Final = 10
@@ -36,9 +36,10 @@ CERTAIN: Final = 8.0
 """log odds of a fault against the arm as believed at which it counts as failed"""
 PAUSE: Final = 4
 """samples after a diagnosis before anything is suspected again"""
+LIKELY: Final = 0.5
+"""probability that the most likely cause needs to be taken before all that may tell it from others was waited for"""
 MOST: Final = 500
-"""samples after the alarm at which the most likely cause is taken, unless what speaks for it is too little to confirm
-it and too much to dismiss it"""
+"""samples after the alarm at which it is taken, unless that is too little to confirm and too much to dismiss"""
 EXTENDED: Final = 1500
 """samples after the alarm at which it is taken in any case: the next motions tell apart what one pose does not"""
 _PRECISE: Final = 0.02
@@ -91,10 +92,8 @@ class Diagnosis:
         misfit: float = 2.0,
         charges: Mapping[str, float] | None = None,
     ) -> None:
-        self._charges = charges or {}
-        self._sizes = sizes
-        self.alarm = sample
-        self._temper, self._misfit = temper, misfit
+        self._charges, self._sizes = charges or {}, sizes
+        self.alarm, self._temper, self._misfit = sample, temper, misfit
         # Where evidence counts for less, it has taken the time that is waited for otherwise.
         self._least = LEAST if temper == 1.0 else LEAST // 2
         likely = suspicions[:CONSIDERED]
@@ -177,8 +176,9 @@ class Diagnosis:
     def earned(self, earlier: float = 0.0) -> bool:
         """Whether something has failed with a probability of SURE at least.
 
-        What one sample tells counts whole if it tells more than one of very many does by chance. So does what speaks
-        against it since. Where a healthy arm is suspected SOONER times as often, odds have to be so much higher.
+        What one sample tells counts whole if it tells more than one of very many does by chance, as does what speaks
+        against it since. What a healthy arm never showed of the cause counts as if its model lacked little. Where one
+        is suspected SOONER times as often, odds have to be so much higher.
 
         Args:
             earlier: log-likelihood by which an earlier diagnosis has found the same.
@@ -187,7 +187,8 @@ class Diagnosis:
         once = self._at_once(best) if best.peak >= CERTAIN else 0.0
         rest = best.gain - once + earlier
         odds = math.log(SURE / (1.0 - SURE) * (SOONER if self._temper > 1.0 else 1.0))
-        return self.certain or once + min(rest, rest / self._temper) > odds
+        worth = max(rest / self._temper, (rest - self._charge(best)) / min(ALIKE, self._temper))
+        return self.certain or once + min(rest, worth) > odds
 
     def others(self) -> tuple[tuple[FaultId, float], ...]:
         """The causes that with the most likely one have a probability of SURE together, each with its own."""
@@ -196,10 +197,9 @@ class Diagnosis:
         for candidate, probability in self.ranked():
             if total >= SURE:
                 break
-            if candidate.includes(top):
-                continue
-            found.append((candidate.isolated, probability))
-            total += probability
+            if not candidate.includes(top):
+                found.append((candidate.isolated, probability))
+                total += probability
         return tuple(found)
 
     def ranked(self) -> list[tuple[Candidate, float]]:
@@ -284,9 +284,10 @@ class Diagnosis:
             return age >= ENOUGH or (self.certain and age >= LEAST and self._convinces(top, probability))
         if age < self._least or probability < DECIDED:
             # An offset and a wrong scale differ only once the joint has moved far.
-            located = top.fault.kind not in AT_ONCE and self._located(top.fault.joint) >= LOCATED
-            judged = top.gain < CERTAIN or self.earned()
-            return age >= EXTENDED or (judged and (age >= MOST or (age >= PATIENT and located)))
+            there = sum(share for each, share in self.ranked() if 0 < each.fault.joint == top.fault.joint)
+            located = top.fault.kind not in AT_ONCE and there >= LOCATED
+            judged, likely = top.gain < CERTAIN or self.earned(), top.gain < CERTAIN or probability >= LIKELY
+            return age >= EXTENDED or (judged and ((age >= MOST and likely) or (age >= PATIENT and located)))
         if top.other or top.waits or top.fault.kind == UNKNOWN:
             return age >= ENOUGH
         # What is lost has no size to be told.
@@ -320,10 +321,6 @@ class Diagnosis:
         self._history.replace_last(looked)
         return looked
 
-    def _located(self, joint: int) -> float:
-        """Probability that it is a matter of a joint (1 to 3), whatever the cause; 0 for what is none."""
-        return sum(probability for each, probability in self.ranked() if joint and each.fault.joint == joint)
-
     def _convinces(self, top: Candidate, probability: float) -> bool:
         """Whether a candidate is sure; any but an encoder that has stopped has to explain the motion besides."""
         misfit = top.misfit if top.fault.kind == LOCK else top.worst
@@ -332,9 +329,10 @@ class Diagnosis:
     def _pair(self) -> None:
         """Has two changes at once tried: all if none alone explains the motion, two weaker joints if it is like the
         supply. Where no law seems to hold, what was suspected is tried anew: it may have been given up too soon."""
+        best = self.best()[0]
+        self._try([] if self.certain else scales(best, self._sizes))
         if self.certain or self._paired == "all":
             return
-        best = self.best()[0]
         self._oppose(best)
         self._pair_jumps(best)
         if best.misfit > self._misfit and self._sample - self.alarm >= LEAST:
@@ -353,18 +351,19 @@ class Diagnosis:
             self._pairs += lawless(best.fault.joint or 1, best.onset, self._sizes, others=False)
 
     def _pair_jumps(self, best: Candidate) -> None:
-        """Has tried that an encoder jumped, as one sample has shown, beside a change of another joint, which cannot
-        explain that sample."""
+        """Has tried that an encoder jumped, as one sample has shown, beside another joint's change, which cannot."""
         if self._sample - self.alarm == LEAST:
             told = (each for each in self.candidates if each.fault.kind == BIAS and each.peak >= CERTAIN)
             self._jumped = {each.fault: each for each in sorted(told, key=lambda each: each.gain)}
         if best.other or best.fault.about.hypothesis != "jump" or best.fault.kind in OF_ENCODER:
             return
-        for jump in self._jumped.values():
-            pair = jump.beside(best.fault, self._sizes)
-            if jump.fault.joint != best.fault.joint and pair.cause not in self._tried:
-                self._tried.add(pair.cause)
-                self._pairs.append(pair)
+        jumps = [each for each in self._jumped.values() if each.fault.joint != best.fault.joint]
+        self._try([each.beside(best.fault, self._sizes) for each in jumps])
+
+    def _try(self, pairs: Sequence[Candidate]) -> None:
+        """Has two changes at once tried, each once."""
+        self._pairs += [pair for pair in pairs if pair.cause not in self._tried]
+        self._tried |= {pair.cause for pair in pairs}
 
     def _caught_up(self, candidate: Candidate) -> Candidate:
         candidate.catch_up(self._history, self._sample)
@@ -375,10 +374,12 @@ class Diagnosis:
 
         What an encoder jumps by shows in one sample, and no model lacks that.
         """
-        faults = (candidate.fault, candidate.other) if candidate.other else (candidate.fault,)
-        states = [state for fault in faults for state in fault.states or map(fault.named, TORQUES)]
-        charge = max(self._charges.get(state, 0.0) for state in states)
-        return candidate.gain - max(charge - self._at_once(candidate), 0.0)
+        return candidate.gain - max(self._charge(candidate) - self._at_once(candidate), 0.0)
+
+    def _charge(self, candidate: Candidate) -> float:
+        """What a candidate has to be more likely by, because what the model lacks was seen to look like its cause."""
+        states = (state for fault in candidate.faults for state in fault.states or map(fault.named, TORQUES))
+        return max(self._charges.get(state, 0.0) for state in states)
 
     def _at_once(self, candidate: Candidate) -> float:
         """What one sample tells of an encoder's jump, of which no other sample is a repetition."""

@@ -129,6 +129,18 @@ def pairs(likely: Sequence[Suspicion], sizes: dict[str, float], alarm: int) -> l
     return list(found.values())[::-1]
 
 
+def scales(pair: Candidate, sizes: dict[str, float]) -> list[Candidate]:
+    """Two changes at once of which one is an offset, with a wrong scale of that encoder in its place, as both jump
+    alike; none for anything else."""
+    first, other = pair.fault, pair.other
+    told = [(first, other), (other, first)] if other else []
+    return [
+        Candidate(FaultId(SCALE, jump.joint), pair.onset, sizes, other=beside)
+        for jump, beside in told
+        if jump.kind == BIAS and beside.kind not in OF_ENCODER
+    ]
+
+
 def weakens(pair: Candidate) -> bool:
     """Whether two changes at once are about how weak two joints are."""
     return all(fault.kind in _WEAKER for fault in pair.faults) and len({fault.joint for fault in pair.faults}) > 1

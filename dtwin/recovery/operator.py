@@ -89,6 +89,7 @@ class Operator:
         self._measures = measures
         self._dealt: dict[str, float] = {}
         self._again: dict[str, float] = {}
+        self._waiting: dict[str, MonitoredUnit] = {}
         self._propose = propose
         self._look = look
 
@@ -132,11 +133,12 @@ class Operator:
     def _deal(self) -> None:
         """Answers new findings, first all that ask for the measure that comes first."""
         desk = self._desk
-        first = self._new()
+        first = {**self._waiting, **self._new()}
         if not first:
             return
         desk.pass_time(SETTLING)
-        # A slip is over once the gripper has opened, and a box that has been put down tells of the next ones.
+        # A slip is over once the gripper has opened, and a box that has been put down tells of the next ones, however
+        # long something else is answered first.
         over = {name: unit for name, unit in first.items() if _measure(unit) in _LASTING}
         found_now = {**over, **self._new()}
         kept = [unit for unit in found_now.values() if _kept(unit, self._measures.boxes[0])]
@@ -144,6 +146,7 @@ class Operator:
         for unit in kept:
             self._dealt[unit.parameter] = unit.detected
             desk.say(f"slip is none: the box has lost {1e3 * _most_lost(unit):.0f} g at most")
+        self._waiting = {unit.parameter: unit for unit in new if _measure(unit) == "payload"}
         # What changes nothing is said at once: it may be over before anything else has been answered.
         self._answer("go on", new)
         others = {measure for unit in new if (measure := _measure(unit)) != "go on"}
@@ -157,6 +160,7 @@ class Operator:
             return
         names = tuple(unit.parameter for unit in found)
         self._dealt |= {unit.parameter: unit.detected for unit in found}
+        self._waiting = {name: unit for name, unit in self._waiting.items() if name not in names}
         self.findings += found
         self._say_why(" and ".join(names), answer_to(parse_fault_id(names[0])))
         if measure == "go on":

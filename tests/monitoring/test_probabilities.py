@@ -154,11 +154,20 @@ def test_tempered_evidence_leaves_more_causes_and_earns_less(belief: Belief) -> 
     assert not diagnosis(belief, gains, ALIKE).earned()
 
 
+@pytest.mark.parametrize(("fault", "enough"), [("late", True), ("mu1", False)])
+def test_what_a_healthy_arm_never_showed_of_a_cause_earns_more(belief: Belief, fault: str, enough: bool) -> None:
+    """The model lacks much, but nothing that looks as if commands were late."""
+    found = diagnosis(belief, {fault: 70.0}, 3.0 * ALIKE)
+    found._charges = {"late": 7.0, "mu1": 240.0}
+    assert found.earned() == enough
+
+
 @pytest.mark.parametrize(
     ("gains", "temper", "ends"),
     [
         ({"K1": 20.0, "payload": 12.0, "bias2": 11.0}, ALIKE, EXTENDED),
         ({"K1": 200.0, "payload": 199.0, "bias2": 150.0}, ALIKE, MOST),
+        ({"K1": 200.0, "payload": 199.0, "bias2": 198.0}, ALIKE, EXTENDED),
         ({"K1": 6.0, "payload": 5.0, "bias2": 4.0}, ALIKE, MOST),
         ({"K1": 20.0, "payload": 19.0, "bias2": 15.0}, 1.0, MOST),
     ],
@@ -354,6 +363,26 @@ def test_two_weaker_joints_are_tried_as_soon_as_it_looks_like_the_supply(
 
 
 @pytest.mark.parametrize(
+    ("first", "other", "scaled"),
+    [
+        *(("bias2", "mu1", True), ("mu1", "bias2", True)),
+        *(("bias2", "bias3", False), ("bias2", "drift3", False), ("K2", "D3", False)),
+    ],
+)
+def test_of_an_offset_beside_another_change_a_wrong_scale_is_tried(
+    belief: Belief, first: str, other: str, scaled: bool
+) -> None:
+    """Both jump alike, and the offset was named for sure."""
+    found = diagnosis(belief, {first: 20.0})
+    onset, sizes = found.candidates[0].onset, plausible_sizes(belief.arm)
+    found.candidates = [Candidate(parse_fault_id(first), onset, sizes, other=parse_fault_id(other))]
+    for _ in range(2):
+        found._pair()
+    tried = [set(map(str, pair.faults)) for pair in found._pairs if pair.other]
+    assert tried == ([{"scale2", "mu1"}] if scaled else [])
+
+
+@pytest.mark.parametrize(
     ("beside", "peak", "tried"), [("D1", 20.0, 1), ("D1", 2.0, 0), ("D3", 20.0, 0), ("drift2", 20.0, 0)]
 )
 def test_a_jump_that_one_sample_has_shown_is_tried_beside_a_change_of_another_joint(
@@ -410,7 +439,8 @@ def test_the_sample_in_which_an_encoder_jumps_and_what_speaks_against_it_count_i
     monkeypatch: pytest.MonkeyPatch, kind: str, peak: float, rest: float, enough: bool
 ) -> None:
     diagnosis = object.__new__(Diagnosis)
-    diagnosis._temper, diagnosis.certain = ALIKE, False
-    found = SimpleNamespace(fault=parse_fault_id(f"{kind}2"), gain=peak + rest, peak=peak)
+    diagnosis._temper, diagnosis._charges, diagnosis.certain = ALIKE, {}, False
+    fault = parse_fault_id(f"{kind}2")
+    found = SimpleNamespace(fault=fault, faults=(fault,), gain=peak + rest, peak=peak)
     monkeypatch.setattr(diagnosis, "best", lambda: (found, 0.5))
     assert diagnosis.earned() == enough

@@ -562,6 +562,18 @@ def test_a_box_that_is_put_down_before_it_is_answered_is_counted_on(cell: FakeCe
     assert [upload.payload for upload in cell.uploads] == pytest.approx([0.22])
 
 
+def test_a_box_that_is_put_down_while_something_else_is_answered_is_counted_on(cell: FakeCell) -> None:
+    def put_down() -> None:
+        cell.found = {"bias3": (20.0, -0.005, 1e-4)} if cell.time >= 20.0 else {}
+        cell.found |= {"payload": (20.0, 0.02, 1e-3)} if 20.0 <= cell.time < 23.0 else {}
+
+    cell.changing = put_down
+    assert measures_of(watched(cell)) == [("offset", ("bias3",)), ("payload", ("payload",))]
+    first, second = cell.uploads
+    assert first.encoder_offset == (0.0, 0.0, -0.005)
+    assert second.payload == pytest.approx(0.22)
+
+
 def test_an_arm_that_stands_no_further_delay_is_stopped(cell: FakeCell) -> None:
     cell.found["late"] = (20.0, 1.0, 0.01)
     operator = watched(cell, recorded(Effects(delay=0.04)))
