@@ -182,7 +182,7 @@ def test_the_line_lets_through_what_its_twins_predict() -> None:
 
 
 class Fed:
-    """A zone with two ways to do its share; with the boxes of the way that lets fewer through the next zone does more."""
+    """A zone with two ways to do two operations; with the boxes of the slower one the next zone does more."""
 
     def __init__(self, name: str, station: str, other: str, flows: dict[str, float]) -> None:
         self.name, self.stations = name, (station, other)
@@ -204,7 +204,7 @@ class Fed:
             Flow(dict.fromkeys(operations, station), rate + more, ((float(number), 0),))
             for number, (station, rate) in enumerate(self._flows.items(), 1)
         ]
-        left = [flow for flow in flows if flow.assignment not in refused]
+        left = [flow for flow in flows if flow.assignment not in refused and len(operations) == 2]
         return max(left, key=lambda flow: flow.rate, default=None)
 
     def rate(self, assignment: Assignment) -> float:
