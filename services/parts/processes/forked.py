@@ -17,8 +17,10 @@ import msgspec
 
 from dtwin.services.parts.processes.fork_server import MODULE, ROOM, Asked
 
-PATIENCE: Final = 30.0
-"""Longest wait for a process, s: the first ones wait until their modules are loaded."""
+LOADING: Final = 30.0
+"""Longest wait for the first process of a module, which has to be loaded, s."""
+PATIENCE: Final = 3.0
+"""Longest wait for a further one, s: the supervisor looks after no other service meanwhile."""
 _SET_SUBREAPER: Final = 36
 _GET_SUBREAPER: Final = 37
 """Operations of prctl(2): who is a subreaper becomes the parent of descendants whose own parent ends."""
@@ -84,7 +86,7 @@ class ForkServer:
 
     def __init__(self, environment: Mapping[str, str], lifeline: int) -> None:
         self._requests, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        self._requests.settimeout(PATIENCE)
+        self._loaded: set[str] = set()
         with theirs:
             self._process = subprocess.Popen(
                 [sys.executable, "-m", MODULE, str(theirs.fileno()), ROOM],
@@ -103,6 +105,8 @@ class ForkServer:
             OSError, ValueError: the server has gone or does not answer, or what is asked for cannot be sent.
         """
         asked = msgspec.json.encode(Asked(tuple(command), dict(environment), os.getcwd()))
+        module = command[2]
+        self._requests.settimeout(PATIENCE if module in self._loaded else LOADING)
         with ExitStack() as ours:
             receiver, sender = os.pipe()
             errors = ours.enter_context(open(receiver, errors="replace"))
@@ -119,6 +123,7 @@ class ForkServer:
             go.write(b".")
             go.close()
             ours.pop_all()
+        self._loaded.add(module)
         return process
 
     def close(self) -> None:
