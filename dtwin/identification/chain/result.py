@@ -82,7 +82,7 @@ def numbers(found: Identification) -> Iterator[Number]:
     where its interval is narrower than the joint's usual effort.
     """
     layout, prior = found.moments.layout, found.prior
-    for joint, deviation in enumerate(found.gain_deviations()):
+    for joint, deviation in enumerate(found.gain_deviations().tolist()):
         before = prior.gain_deviation[joint]
         if before:
             value = float(found.found.gain[joint])
