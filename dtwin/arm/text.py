@@ -84,9 +84,8 @@ def _joint_lines(joint: Joint) -> list[str]:
         "constant": math.inf if joint.actuator.constant is None else joint.actuator.constant,
         "limit": joint.actuator.limit,
     }
-    lines = [
-        f"# the model has: {', '.join(f'{key} {value:.6g}' for key, value in said.items() if math.isfinite(value))}"
-    ]
+    numbers = ", ".join(f"{key} {value:.6g}" for key, value in said.items() if math.isfinite(value))
+    lines = [f"# the model has: {numbers or 'none of these numbers'}"]
     constant = joint.actuator.constant
     actuator = joint.actuator
     if actuator.commanded == "position":

@@ -55,19 +55,19 @@ def _delay(design: Design, layout: Layout, prior: Prior, fit: Fit, joint: int) -
         efforts.append(rows.effort[:, joint])
     every, effort = np.concatenate(parts), np.concatenate(efforts)
     size = max(float(np.std(effort - every[:, :-1] @ fit.unknowns[places])), 1e-12)
-    with np.errstate(divide="ignore"):
-        known = np.append(np.minimum(1.0 / prior.deviation[places] ** 2, 1e12), 0.0)
+    known = np.zeros((len(places) + 1, len(places) + 1))
+    known[:-1, :-1] = prior.precision(places)
     share = min(1.0, 2.0 * design.filtering.cutoff * design.rows[0].dt)
     weight = share / size**2
-    curvature = weight * every.T @ every + np.diag(known)
+    curvature = weight * every.T @ every + known
     scale = 1.0 / np.sqrt(np.diag(curvature) + 1e-300)
     inverse = np.linalg.pinv(curvature * scale * scale[:, None], rcond=1e-12, hermitian=True) * scale * scale[:, None]
-    right = weight * every.T @ effort + known * np.append(prior.mean[places], 0.0)
+    right = weight * every.T @ effort + known @ np.append(prior.mean[places], 0.0)
     solution = inverse @ right
     left = [mine - part @ solution for part, mine in zip(parts, efforts, strict=True)]
     correlation = correlation_of(left, longest_of(design))
     row = inverse[-1]
-    meat = sum(_spread(weight * part @ row, correlation) for part in parts) + float(row @ (known * row))
+    meat = sum(_spread(weight * part @ row, correlation) for part in parts) + float(row @ known @ row)
     return float(solution[-1]), float(np.sqrt(meat))
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,11 @@ from dtwin.equations.rigid import regressor
 from dtwin.errors import IdentificationError
 from dtwin.identification.chain.friction import Group, Scale, Terms, friction_terms
 from dtwin.measurements.measurement import Effort, Measurement
+
+_STEPS: Final = 1e-3
+"""Standard deviation of a position that steps of its encoder make, rad or m; the least that `scales_of` tells."""
+_STOOD: Final = 1e-3
+"""Standard deviation of the position of a joint that stood, in parts of its range, a whole turn or 1 m at most."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,6 +127,16 @@ class Design:
     filtering: Filtering
     kind: Effort = "torque"
 
+    @property
+    def still(self) -> NDArray[np.bool_]:
+        """Joints that stood, (n,), but for steps of their encoders and what their gears yield.
+
+        Their efforts tell nothing: dry friction may be anything up to its limit there.
+        """
+        reach = [min(j.upper - j.lower, 2.0 * np.pi if j.turns else 1.0) for j in self.arm.joints]
+        travel = np.array([scale.travel for scale in self.scales])
+        return travel <= np.maximum(_STEPS, _STOOD * np.array(reach))
+
 
 def smooth(measurement: Measurement, filtering: Filtering) -> list[Smooth]:
     """The stretches of a measurement that are long enough, on an even grid.
@@ -186,7 +202,7 @@ def scales_of(stretches: Sequence[Smooth]) -> tuple[Scale, ...]:
     means = np.concatenate(warm).mean(axis=0) if warm else np.zeros(q.shape[1])
     speed, travel = np.sqrt(np.mean(v**2, axis=0)), q.std(axis=0)
     return tuple(
-        Scale(max(float(s), 1e-3), max(float(d), 1e-3), float(m))
+        Scale(max(float(s), 1e-3), max(float(d), _STEPS), float(m))
         for s, d, m in zip(speed, travel, means, strict=True)
     )
 

@@ -29,19 +29,33 @@ _NEVER: Final = 1e12
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prior:
-    """What is known before: independent normal distributions.
+    """What is known before: normal distributions, independent but for parameters of one body.
 
     Attributes:
         mean: of the unknowns, (size,).
         deviation: of the unknowns, (size,); inf where nothing is known.
         gain: gain of every joint, (n,), N m (N) per unit of the log.
         gain_deviation: relative standard deviation of each gain, (n,); 0 holds it.
+        still: joints whose effort tells nothing, as they stood, (n,).
+        bodies: precision of the first unknowns, those of the links, (10 n, 10 n); None where they are independent.
     """
 
     mean: Array
     deviation: Array
     gain: Array
     gain_deviation: Array
+    still: NDArray[np.bool_]
+    bodies: Array | None = None
+
+    def precision(self, places: NDArray[np.intp]) -> Array:
+        """The precision of some unknowns, (k,), as if they alone were uncertain: (k, k)."""
+        with np.errstate(divide="ignore"):
+            found = np.diag(np.minimum(1.0 / self.deviation[places] ** 2, _NEVER))
+        if self.bodies is not None:
+            links = np.flatnonzero(places < len(self.bodies))
+            own = places[links]
+            found[links[:, None], links] = self.bodies[own[:, None], own]
+        return found
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,7 +65,7 @@ class Fit:
     Attributes:
         unknowns: in the order of the layout, (size,); 0 where a term was left out.
         gain: gain of every joint, (n,).
-        noise: size of the residual of every joint, (n,), in the unit of the log.
+        noise: size of the residual of every joint, (n,), in the unit of the log; inf where it stood.
         used: which unknowns were estimated, (size,).
     """
 
@@ -61,7 +75,15 @@ class Fit:
     used: Array
 
 
-def fit(moments: Moments, prior: Prior, used: Array, without: int | None = None, start: Fit | None = None) -> Fit:
+def fit(
+    moments: Moments,
+    prior: Prior,
+    used: Array,
+    without: int | None = None,
+    start: Fit | None = None,
+    *,
+    gains_too: bool = False,
+) -> Fit:
     """Estimates unknowns and gains.
 
     Args:
@@ -70,17 +92,19 @@ def fit(moments: Moments, prior: Prior, used: Array, without: int | None = None,
         used: which unknowns are estimated, (size,) of bool.
         without: fold that is left out.
         start: an estimate of other terms, whose gains are kept.
+        gains_too: whether gains are found anew although there is a start.
     """
     equations = _Equations(moments, prior, used, without)
     gain = prior.gain if start is None else start.gain
-    noise = equations.usual() if start is None else start.noise
-    free = (prior.gain_deviation > 0.0) & (start is None)
+    noise = np.where(prior.still, np.inf, equations.usual() if start is None else start.noise)
+    free = (prior.gain_deviation > 0.0) & (start is None or gains_too)
     found = equations.solved(gain, noise)
     for _ in range(_ROUNDS):
         if free.any():
             gain = _gains(equations, prior, found, free)
         found = equations.solved(gain, found.noise)
-        found = replace(found, noise=np.sqrt(equations.squares(found) / equations.count) + 1e-12)
+        noise = np.sqrt(equations.squares(found) / equations.count) + 1e-12
+        found = replace(found, noise=np.where(prior.still, np.inf, noise))
     return found
 
 
@@ -91,9 +115,8 @@ class _Equations:
         products, self.count = moments.without(without)
         self.share, self.prior, self.used = moments.share, prior, used
         self.chosen = np.flatnonzero(used)
-        with np.errstate(divide="ignore"):
-            self._precision = np.minimum(1.0 / prior.deviation[self.chosen] ** 2, _NEVER)
-        self._mean = self._precision * prior.mean[self.chosen]
+        self._precision = prior.precision(self.chosen)
+        self._mean = self._precision @ prior.mean[self.chosen]
         self._blocks = [moments.block(products, joint, used) for joint in range(len(products))]
         self._common = int(used[: moments.layout.inertial.stop].sum())
         self._places = [np.searchsorted(self.chosen, places) for places, _ in self._blocks]
@@ -110,7 +133,7 @@ class _Equations:
         """
         weight = self.share / (gain * noise) ** 2
         common = self._common
-        bodies = np.diag(self._precision[:common])
+        bodies = self._precision[:common, :common].copy()
         right = self._mean[:common].copy()
         for joint, (_, block) in enumerate(self._blocks):
             bodies += weight[joint] * block[:common, :common]
@@ -134,7 +157,7 @@ class _Equations:
         """Of a joint's friction: products with the bodies, these and the effort by its own inverse, and its scale."""
         (_, block), at, common = self._blocks[joint], self._places[joint][self._common :], self._common
         own = weight * block[common:-1, common:-1]
-        own[np.diag_indices(len(at))] += self._precision[at]
+        own += self._precision[at[:, None], at]
         mine = 1.0 / np.sqrt(np.diag(own) + 1e-300)
         own *= mine * mine[:, None]
         own[np.diag_indices(len(at))] += _ROUNDING
@@ -167,11 +190,45 @@ def squares(moments: Moments, fold: int, found: Fit) -> Array:
     return np.array([_squared(found, j, *moments.block(products, j, found.used)) for j in range(len(products))])
 
 
+def likelihood(moments: Moments, prior: Prior, found: Fit) -> float:
+    """Logarithm of how likely the data are before anything is estimated, but for what no prior changes.
+
+    It is Laplace's approximation around the estimate that goes with the prior (MacKay, Neural Computation 4, 1992).
+    """
+    used, n = np.flatnonzero(found.used), len(found.gain)
+    products, count = moments.without(None)
+    before = precision_of(prior, used)
+    curvature = before.copy()
+    for joint in range(n):
+        places, block = moments.block(products, joint, found.used)
+        weight = moments.share / found.noise[joint] ** 2
+        own, parts = block[:-1, :-1] / found.gain[joint] ** 2, found.unknowns[places]
+        at = np.append(np.searchsorted(used, places), len(used) + joint)
+        grown = np.vstack([-np.eye(len(parts)), parts])  # a larger gain needs more of the effort explained
+        curvature[at[:, None], at] += weight * grown @ own @ grown.T
+    left = 2.0 * moments.share * count * float(np.log(found.noise[~prior.still]).sum())
+    apart = np.append((found.unknowns - prior.mean)[used], np.log(found.gain / prior.gain))
+    unit = 1.0 / np.sqrt(np.diag(before))
+    known, told = (np.linalg.slogdet(matrix * unit * unit[:, None])[1] for matrix in (before, curvature))
+    return -0.5 * float(left + apart @ before @ apart + told - known)
+
+
+def precision_of(prior: Prior, places: NDArray[np.intp]) -> Array:
+    """The precision of some unknowns, (k,), and of the logarithms of all gains, (k + n, k + n)."""
+    k, n = len(places), len(prior.gain)
+    found = np.zeros((k + n, k + n))
+    found[:k, :k] = prior.precision(places)
+    with np.errstate(divide="ignore"):
+        found[k:, k:] = np.diag(np.minimum(1.0 / prior.gain_deviation**2, _NEVER))
+    return found
+
+
 def _gains(equations: _Equations, prior: Prior, found: Fit, free: NDArray[np.bool_]) -> Array:
     """The gains that explain the effort best, each with the linear unknowns that go with it."""
     from scipy.optimize import minimize  # loaded for a fit alone: takes longer than all else of a service
 
-    known = np.isfinite(prior.deviation) & equations.used
+    chosen = equations.chosen
+    precision = prior.precision(chosen)
 
     def gains(logs: Array) -> Array:
         gain = found.gain.copy()
@@ -180,10 +237,10 @@ def _gains(equations: _Equations, prior: Prior, found: Fit, free: NDArray[np.boo
 
     def cost(logs: Array) -> tuple[float, Array]:
         tried = equations.solved(gains(logs), found.noise)
-        apart = (tried.unknowns - prior.mean)[known] / prior.deviation[known]
+        apart = (tried.unknowns - prior.mean)[chosen]
         left, slope = equations.squares(tried), equations.slopes(tried)
         fitted = equations.share * np.sum(left / found.noise**2)
-        value = 0.5 * (fitted + apart @ apart + np.sum((logs / prior.gain_deviation[free]) ** 2))
+        value = 0.5 * (fitted + apart @ precision @ apart + np.sum((logs / prior.gain_deviation[free]) ** 2))
         # The linear unknowns are the best ones for these gains: the cost does not change with them.
         gradient = equations.share * (slope / found.noise**2)[free] + logs / prior.gain_deviation[free] ** 2
         return float(value), gradient

@@ -172,7 +172,7 @@ def said_of(told: Gears) -> list[str]:
     sure = [f"{row.name} {row.value:.2e} +- {row.half:.1e}" for row in rows if row.told]
     found = []
     if sure:
-        found.append(f"{whose}, rad/(N m) and rad: {', '.join(sure)}")
+        found.append(f"{whose}, rad/(N m) and rad, of joints that slide m/N and m: {', '.join(sure)}")
     one = [gear.play.name for gear in told.each if not gear.sides]
     small = [
         f"{row.name} (below {max(row.value, 0.0) + row.half:.1e})"

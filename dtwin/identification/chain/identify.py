@@ -16,7 +16,7 @@ from dtwin.identification.chain.fit import Fit, Prior, fit, squares
 from dtwin.identification.chain.friction import CANDIDATES, Group
 from dtwin.identification.chain.intervals import covariance_of, inverse
 from dtwin.identification.chain.moments import FOLDS, Moments, columns, layout_of, moments_of
-from dtwin.identification.chain.prior import constant_of, prior_of
+from dtwin.identification.chain.prior import USUAL, constant_of, likeliest, prior_of
 from dtwin.measurements.measurement import Measurement
 
 _BETTER: Final = 0.99
@@ -60,6 +60,21 @@ class Settings:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Spread:
+    """How sure an estimate is with what was known before.
+
+    Attributes:
+        prior: what was known before.
+        covariance: of the used unknowns, then of the logarithms of the gains.
+        guessed: the part of it that comes from how far bodies may be from the data sheet.
+    """
+
+    prior: Prior
+    covariance: Array
+    guessed: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Identification:
     """An identified arm.
 
@@ -68,11 +83,13 @@ class Identification:
         design: the equations.
         moments: their sums.
         prior: what was known before.
+        away: how far the arm is from its data sheet, in parts of its tolerances; None where these say nothing.
         found: the estimate, with bodies that can be.
         plain: the estimate before that.
-        bands: what leaving out one band of every joint's speed would change of the unknowns, (bands, size).
+        bands: what leaving out one band of every joint's speed would change of the unknowns and of the logarithms of
+            the gains, (bands, size + n).
         covariance: of the used unknowns, then of the logarithms of the gains.
-        guessed: the part of it that comes from how far bodies may be from the data sheet, which is a guess.
+        alone: how sure the data alone would make of it, with bodies and friction that are told widely.
         groups: friction terms that proved themselves.
         held_out: error of each choice of groups on motion that it was not fitted to, in parts of the effort, (n,).
     """
@@ -81,11 +98,12 @@ class Identification:
     design: Design
     moments: Moments
     prior: Prior
+    away: float | None
     found: Fit
     plain: Fit
     bands: Array
     covariance: Array
-    guessed: Array
+    alone: Spread
     groups: tuple[Group, ...]
     held_out: Mapping[tuple[Group, ...], Array]
 
@@ -104,28 +122,35 @@ class Identification:
         no correlation in time shows it. The unknowns would change with the speeds that are looked at (Hausman 1978),
         which the jackknife over bands of speed counts, beside what the correlation in time makes of them.
         """
-        used = np.flatnonzero(self.found.used)
-        inner = self.covariance[: len(used), : len(used)]
-        spread = float(np.sqrt(weights[used] @ inner @ weights[used]))
-        count = len(self.bands)
-        form = float(np.sqrt((count - 1) / count * np.sum((self.bands @ weights) ** 2)))
-        return float(weights @ self.found.unknowns), float(np.hypot(spread, form))
+        deviation = np.hypot(
+            self._deviation(weights, self.covariance), _jackknife(self.bands[:, : len(weights)] @ weights)
+        )
+        return float(weights @ self.found.unknowns), float(deviation)
+
+    def by_data(self, weights: Array) -> float:
+        """Standard deviation of a weighted sum of the unknowns, (size,) weights, as the data alone would tell it."""
+        form = _jackknife(self.bands[:, : len(weights)] @ weights)
+        return float(np.hypot(self._deviation(weights, self.alone.covariance), form))
 
     def guess(self, weights: Array) -> float:
-        """The part of the variance of a weighted sum of the unknowns, (size,) weights, that is the guess of bodies.
+        """The part of its variance that is the guess of bodies, which are told widely.
 
         Motion tells some bodies only together (base parameters, Gautier and Khalil 1990): how the sum is shared among
         them is as wide as it was guessed, far wider than arms of one kind differ.
         """
+        share = self._deviation(weights, self.alone.guessed) / max(self.by_data(weights), 1e-150)
+        return share * share
+
+    def _deviation(self, weights: Array, covariance: Array) -> float:
         used = np.flatnonzero(self.found.used)
-        inner = self.guessed[: len(used), : len(used)]
-        _, deviation = self.combined(weights)
-        return float(weights[used] @ inner @ weights[used]) / max(deviation**2, 1e-300)
+        inner = covariance[: len(used), : len(used)]
+        variance = float(weights[used] @ inner @ weights[used])
+        return max(variance, 0.0) ** 0.5
 
     def gain_deviations(self) -> Array:
-        """Relative standard deviations of the gains, (n,)."""
+        """Relative standard deviations of the gains, (n,); the form of friction counts as in `combined`."""
         n = len(self.arm)
-        deviations: Array = np.sqrt(np.diag(self.covariance)[-n:])
+        deviations: Array = np.hypot(np.sqrt(np.diag(self.covariance)[-n:]), _jackknife(self.bands[:, -n:]))
         return deviations
 
     def carried(self, load: str = "") -> Array:
@@ -155,6 +180,13 @@ class Identification:
         return np.concatenate([row.effort * self.found.gain for row in rows]), np.concatenate(expected)
 
 
+def _jackknife(changes: Array) -> Array:
+    """Standard deviations of what changes so when each of some parts of the data is left out, (parts, ...)."""
+    count = len(changes)
+    found: Array = np.sqrt((count - 1) / count * np.sum(changes**2, axis=0))
+    return found
+
+
 def unexplained(measured: Array, predicted: Array) -> Array:
     """Root mean square of what is not explained, in parts of the standard deviation of what was measured, (n,)."""
     share: Array = np.sqrt(np.mean((measured - predicted) ** 2, axis=0)) / measured.std(axis=0)
@@ -179,22 +211,30 @@ def identify(arm: Arm, samples: Sequence[Sample], settings: Settings | None = No
         raise IdentificationError("expected a stretch of motion without a gap of at least two seconds")
     scales = scales_of([stretch for _, stretch in stretches])
     rigid = [rigid_of(arm, stretch, scales, settings.filtering) for _, stretch in stretches]
-    rough = moments_of(first := _design(arm, stretches, rigid, settings, None))
-    prior = prior_of(first, rough, settings.masses)
-    start = fit(rough, prior, _used(first, CANDIDATES))
-    carried = {sample.load: _with_load(rough, start, sample.load) for sample in samples}
-    design = _design(arm, stretches, rigid, settings, carried)
-    moments = moments_of(design)
-    prior = prior_of(design, moments, settings.masses)
+    rough, every = moments_of(first := _design(arm, stretches, rigid, settings, None)), _used(first, CANDIDATES)
+    away: float | None = USUAL
+    while True:
+        start = fit(rough, prior_of(first, rough, settings.masses, away), every)
+        carried = {sample.load: _with_load(rough, start, sample.load) for sample in samples}
+        moments = moments_of(design := _design(arm, stretches, rigid, settings, carried))
+        if away != USUAL:
+            prior = prior_of(design, moments, settings.masses, away)
+            break
+        away, prior = likeliest(design, moments, settings.masses, _used(design, CANDIDATES))
+        if away == USUAL:
+            break
     groups, held_out = _chosen(design, moments, prior, settings)
     found = fit(moments, prior, _used(design, groups))
     bands = _by_band(design, prior, found)
-    covariance, guessed = covariance_of(design, moments, prior, found)
+    covariance, _ = covariance_of(design, moments, prior, found)
+    wide = prior_of(design, moments, settings.masses)
+    alone = Spread(wide, *covariance_of(design, moments, wide, found))
     possible = _possible(moments, prior, found, covariance)
     inertial = possible.unknowns[: 10 * len(arm)]
     new = arm.with_parameters(inertial)
-    intervals = bands, covariance, guessed
-    return Identification(new, design, moments, prior, possible, found, *intervals, groups, held_out)
+    return Identification(
+        new, design, moments, prior, away, possible, found, bands, covariance, alone, groups, held_out
+    )
 
 
 def _check(arm: Arm, samples: Sequence[Sample], settings: Settings) -> None:
@@ -264,10 +304,17 @@ def _used(design: Design, groups: Sequence[Group]) -> np.ndarray:
 
 
 def _by_band(design: Design, prior: Prior, found: Fit) -> Array:
-    """What leaving out each band of speed would change of the unknowns, (bands, size)."""
+    """What leaving out each band of speed would change of unknowns and logarithms of gains, (bands, size + n)."""
     moments = moments_of(design, by_speed=True)
-    bands = range(len(moments.counts))
-    return np.stack([fit(moments, prior, found.used, band, found).unknowns - found.unknowns for band in bands])
+    made = [fit(moments, prior, found.used, band, found, gains_too=True) for band in range(len(moments.counts))]
+    return np.stack([np.append(one.unknowns - found.unknowns, np.log(one.gain / found.gain)) for one in made])
+
+
+def _known_groups(design: Design) -> tuple[Group, ...]:
+    """Groups of terms that the data sheet has itself, so that they need no proof."""
+    joints = design.arm.joints
+    known = {"rotor": any(j.actuator.rotor for j in joints), "load": any(j.friction.load for j in joints)}
+    return tuple(group for group in CANDIDATES if known.get(group))
 
 
 def _chosen(
@@ -282,11 +329,12 @@ def _chosen(
 
     def error(groups: tuple[Group, ...]) -> float:
         errors[groups] = _held_out(moments, prior, _used(design, groups), start)
-        return float(np.exp(np.log(errors[groups]).mean()))
+        moving = errors[groups][~prior.still] if not prior.still.all() else errors[groups]
+        return float(np.exp(np.log(moving).mean()))
 
-    chosen: tuple[Group, ...] = ()
+    chosen = _known_groups(design)
     best = error(chosen)
-    left = [group for group in CANDIDATES if group in there]
+    left = [group for group in CANDIDATES if group in there and group not in chosen]
     while left:
         tried = {group: error((*chosen, group)) for group in left}
         group = min(tried, key=lambda name: tried[name])

@@ -13,7 +13,7 @@ import numpy as np
 
 from dtwin.arm.chain import Array
 from dtwin.identification.chain.design import Design
-from dtwin.identification.chain.fit import Fit, Prior
+from dtwin.identification.chain.fit import Fit, Prior, precision_of
 from dtwin.identification.chain.moments import Moments, columns
 
 _NOTHING: Final = 1e-13
@@ -30,13 +30,11 @@ def covariance_of(design: Design, moments: Moments, prior: Prior, found: Fit) ->
     layout, share = moments.layout, moments.share
     chosen = np.flatnonzero(found.used)
     n, size = layout.joints, len(chosen)
-    with np.errstate(divide="ignore"):
-        known = np.concatenate([1.0 / prior.deviation[chosen] ** 2, 1.0 / prior.gain_deviation**2])
-    known = np.minimum(known, 1e12)
+    known = precision_of(prior, chosen)
     every = [columns(layout, rows) / found.gain[:, None] for rows in design.rows]
     predicted = [mine @ found.unknowns for mine in every]
     longest = longest_of(design)
-    bread, meat = np.diag(known), np.diag(known)
+    bread, meat = known.copy(), known.copy()
     for joint in range(n):
         weight = share / found.noise[joint] ** 2
         pairs = zip(design.rows, predicted, strict=True)
@@ -51,9 +49,9 @@ def covariance_of(design: Design, moments: Moments, prior: Prior, found: Fit) ->
     effective = share * float(moments.counts.sum()) * n
     lost = effective / max(effective - size, 0.25 * effective)
     outer = inverse(bread)
-    found_covariance: Array = outer @ (np.diag(known) + lost * (meat - np.diag(known))) @ outer
-    bodies = outer[:, : int(np.searchsorted(chosen, 10 * n))]
-    guessed: Array = bodies * known[: bodies.shape[1]] @ bodies.T
+    found_covariance: Array = outer @ (known + lost * (meat - known)) @ outer
+    links = int(np.searchsorted(chosen, 10 * n))
+    guessed: Array = outer[:, :links] @ known[:links, :links] @ outer[:, :links].T
     return found_covariance, guessed
 
 

@@ -26,8 +26,6 @@ _SLID: Final = 1.0
 """Time for which a joint has to slide in a direction so that its friction there is told, s."""
 _SO_FAST: Final = 0.5
 """Part of a speed from which on a joint slides as fast as that."""
-_STEPS: Final = 1e-3
-"""Standard deviation of a position that steps of its encoder make, rad or m."""
 _NARROW: Final = 0.05
 """Standard deviation of a position in parts of the joint's range, a whole turn at most, below which motion has shown
 but a part of it: designed poses have four times that."""
@@ -54,8 +52,8 @@ class Number:
 
 def slid(found: Identification, joint: int, speed: float) -> float:
     """How long a joint slid in the direction of a speed and about as fast, s; 0 where it read an encoder's steps."""
-    scale, place = found.design.scales[joint], found.design.names[joint].index("viscous")
-    if scale.travel <= _STEPS:
+    place = found.design.names[joint].index("viscous")
+    if found.design.still[joint]:
         return 0.0
     least, sign = _SO_FAST * abs(speed), np.sign(speed)
     return sum(
@@ -84,7 +82,7 @@ def numbers(found: Identification) -> Iterator[Number]:
     where its interval is narrower than the joint's usual effort.
     """
     layout, prior = found.moments.layout, found.prior
-    for joint, deviation in enumerate(found.gain_deviations()):
+    for joint, deviation in enumerate(found.gain_deviations().tolist()):
         before = prior.gain_deviation[joint]
         if before:
             value = float(found.found.gain[joint])
@@ -130,7 +128,7 @@ def doubts(found: Identification) -> list[str]:
     part = [joint.name for k, joint in enumerate(found.arm.joints) if moved(found, k) and narrow(found, k)]
     if part:
         said.append(f"kept to a small part of their ranges: motion beyond it is not identified: {', '.join(part)}")
-    dark = [joint.name for k, joint in enumerate(found.arm.joints) if unclear(found, k)]
+    dark = [joint.name for k, joint in enumerate(found.arm.joints) if moved(found, k) and unclear(found, k)]
     if dark:
         said.append(f"more than {_UNEXPLAINED:.0%} of the effort is not explained by anything: {', '.join(dark)}")
     return said
@@ -146,8 +144,9 @@ def _sum(found: Identification, name: str, place: slice, weights: Array) -> Numb
     every = np.zeros(found.moments.layout.size)
     every[place] = weights
     value, deviation = found.combined(every)
-    before = np.where(weights != 0.0, found.prior.deviation[place], 0.0)
-    told = deviation < _TOLD * float(np.linalg.norm(weights * before)) and found.guess(every) < _GUESSED
+    before = np.where(weights != 0.0, found.alone.prior.deviation[place], 0.0)
+    left = found.by_data(every)
+    told = left < _TOLD * float(np.linalg.norm(weights * before)) and found.guess(every) < _GUESSED
     return Number(name, value, NINETY_FIVE * deviation, bool(told))
 
 

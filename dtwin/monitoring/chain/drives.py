@@ -25,6 +25,8 @@ WINDOWS: Final = (10, 20, 40, 80, 160)
 KEPT: Final = WINDOWS[-1] + 1
 """Filtered samples that the longest window needs."""
 FACTOR: Final = 2.0
+ENOUGH: Final = 60.0
+"""Length of a healthy stretch after which motion hardly shows anything of the arm that was not learned, s."""
 AGAIN: Final = 30.0
 """Time after a cause was answered in which the evidence of the arm that works on is learned, s: its motion shows more
 of what the answer and the model do not explain."""
@@ -140,9 +142,17 @@ class Drives:
         """Goes on without the last alarm, with other friction and another load if they are given."""
         self.alarm = None
         if adjustment is not None:
-            self._learned = self._count + self._after(AGAIN)
-            self._most = [np.zeros(len(self.names)) for _ in self.bounds]
+            self._learn_until(AGAIN)
             self.expected.adjust(np.array(adjustment.friction), adjustment.load)
+
+    def beware(self, learned: float) -> None:
+        """Learns the evidence of what is left of ENOUGH after a healthy stretch, s, as after an answer."""
+        if learned < ENOUGH:
+            self._learn_until(ENOUGH - learned)
+
+    def _learn_until(self, time: float) -> None:
+        self._learned = self._count + self._after(time)
+        self._most = [np.zeros(len(self.names)) for _ in self.bounds]
 
     def follow(self, t: Array, q: Array, effort: Array) -> ChainFinding | None:
         """Takes further samples; the cause once there is evidence and SOON has passed since, and again after LATER.

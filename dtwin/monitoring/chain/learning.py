@@ -113,6 +113,7 @@ class Learning:
         whole = self._fresh(self._needed)
         whole.follow(*(np.concatenate(rows) for rows in zip(*self._rows, strict=True)))
         if self._half.finding is None:
+            whole.beware()
             self.watch, self._rows = whole, []
             return
         self.doubt, self.short, self._started = self._half.finding, self.until, self.begin

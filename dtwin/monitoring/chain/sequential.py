@@ -16,12 +16,12 @@ from dtwin.arm.adjustment import Adjustment
 from dtwin.arm.chain import Arm, Array
 from dtwin.arm.samples import Samples
 from dtwin.monitoring.chain.carrying import Carrying
-from dtwin.monitoring.chain.drives import Drives
+from dtwin.monitoring.chain.drives import ENOUGH, Drives
 from dtwin.monitoring.chain.encoders import Habits, habits_of
 from dtwin.monitoring.chain.finding import ChainFinding
 from dtwin.monitoring.chain.readings import Readings
 
-HEALTHY: Final = 60.0
+HEALTHY: Final = ENOUGH
 """Time from the beginning in which the arm is taken to be healthy, s: that in which nobody knows what it carries does
 not count."""
 EXPLAINS: Final = 3.0
@@ -63,7 +63,7 @@ class FirstFault:
         self.drives: Drives | None = None
         self.habits: Habits | None = None
         self._offset, self._strength = np.zeros(len(arm)), np.ones(len(arm))
-        self._at_once = self._starts = False
+        self._at_once = self._starts = self._wary = False
         self.time = 0.0
         self.finding: ChainFinding | None = None
 
@@ -107,6 +107,10 @@ class FirstFault:
             self._readings.forget()
         if self._carrying is not None:
             self._carrying.forget()
+
+    def beware(self) -> None:
+        """Takes more evidence for a fault until the arm has worked for as long as it usually takes to know it."""
+        self._wary = True
 
     def resume(self, adjustment: Adjustment | None = None) -> None:
         """Goes on after a finding that is over, or that the blocks count on now.
@@ -165,6 +169,8 @@ class FirstFault:
             known = Samples(*(np.concatenate(rows) for rows in zip(*self._learning, strict=True)))
             drives = Drives(self._arm)
             drives.learn(known.t, known.q, known.effort)
+            if self._wary:
+                drives.beware(self._healthy)
             self._know(drives, habits_of(self._arm, known.q, known.target)).learn(known)
             self._learning = []
         return count

@@ -164,3 +164,18 @@ def test_what_is_no_record_and_logs_that_are_too_short_are_refused(
     assert "bad.json: expected a file that dtwin commission LOG --arm ARM --out FILE.json wrote" in (
         capsys.readouterr().err
     )
+
+
+def test_an_arm_that_was_learned_for_a_short_time_needs_more_evidence() -> None:
+    """Poses that 20 s do not show alike told a stronger drive of wrist_1; a drive that grows weak is still told."""
+    cell = ArmCell(arm="six-axis", machine="5700")
+    working = cell.settings(40.0, 5700)
+    healthy = passed(working.arm, run(working).samples, 20.0)
+    assert healthy.until == 20.0
+    assert healthy.watch is not None
+    assert healthy.watch.finding is None
+    settings = replace(cell.settings(34.0, 5700), faults=(parse_chain_fault("K2*=0.8@30", 6),))
+    watch = passed(settings.arm, run(settings).samples, 20.0).watch
+    assert watch is not None
+    assert watch.finding is not None
+    assert watch.finding.cause == "K2"
