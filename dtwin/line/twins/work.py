@@ -36,8 +36,7 @@ class MeasuredWork:
     def __init__(self, places: tuple[str, ...], period: float) -> None:
         self._places, self._period = places, period
         self._grips: deque[float] = deque(maxlen=_LAST)
-        self._carries: dict[tuple[str, int], deque[float]] = defaultdict(lambda: deque(maxlen=_LAST))
-        self._kinds: dict[str, deque[int]] = defaultdict(lambda: deque(maxlen=_LAST))
+        self._carries: dict[str, deque[tuple[int, float]]] = defaultdict(lambda: deque(maxlen=_LAST))
         self._backs: dict[str, deque[float]] = defaultdict(lambda: deque(maxlen=_LAST))
         self._first: dict[tuple[str, int], float] = {}
         self._kind = 0
@@ -79,17 +78,21 @@ class MeasuredWork:
         self._kind = kind
 
     def _carried(self, time: float) -> None:
-        self._kinds[self._place].append(self._kind)
-        carries = self._carries[self._place, self._kind]
-        carries.append(time)
+        self._carries[self._place].append((self._kind, time))
+        carries = self._carried_to(self._place, self._kind)
         if len(carries) == _NEWEST:
             self._first.setdefault((self._place, self._kind), median(carries))
+
+    def _carried_to(self, place: str, kind: int) -> list[float]:
+        """Times of the last boxes of a class to a place."""
+        return [time for each, time in self._carries[place] if each == kind]
 
     @property
     def slowness(self) -> float | None:
         """How many times as long as the first boxes the newest ones took, for the place and the class of boxes where
         that has changed most; None before enough of one class were brought to one place."""
-        factors = (_newest(self._carries[each]) / first for each, first in self._first.items())
+        told = {each: self._carried_to(*each) for each in self._first}
+        factors = (_newest(times) / self._first[each] for each, times in told.items() if times)
         return max(factors, key=lambda factor: abs(factor - 1.0), default=None)
 
     def times(self, rehearsed: WorkTimes) -> WorkTimes:
@@ -101,9 +104,9 @@ class MeasuredWork:
         }
         backs = {place: _usual(last) for place, last in busy.items() if len(last) >= _ENOUGH}
         carries = {
-            place: mean(_usual(self._carries[place, kind]) for kind in kinds)
-            for place, kinds in self._kinds.items()
-            if len(kinds) >= _ENOUGH
+            place: mean(_usual(self._carried_to(place, kind)) for kind, _ in last)
+            for place, last in self._carries.items()
+            if len(last) >= _ENOUGH
         }
         return WorkTimes(grip, _everywhere(carries, rehearsed.carry), _everywhere(backs, rehearsed.back))
 
