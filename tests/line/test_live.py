@@ -167,6 +167,7 @@ def test_work_moves_away_from_an_arm_that_is_stopped_and_comes_back(parts: Parts
         assert parts.state().set_up == {"glue": "left", "press": "right"}
         parts.bus.ask(LINE_STOP, StationWord("ada", "it smokes", "right"), LineState)
         until(lambda: parts.plant().set_up["press"] == "left", "the work moves")
+        until(lambda: parts.state().version == 1, "the twin of the line knows that the plant has taken it")
         right = next(station for station in parts.state().stations if station.name == "right")
         assert (right.doing, right.ability) == ("stopped", "nothing")
         assert right.why == "it was stopped by ada: it smokes"
@@ -175,7 +176,8 @@ def test_work_moves_away_from_an_arm_that_is_stopped_and_comes_back(parts: Parts
             parts.bus.ask(SET_UP, asked, SetUpDone)
         parts.bus.ask(LINE_RELEASE, StationWord("ada", "it is mended", "right"), LineState)
         until(lambda: parts.plant().set_up["press"] == "right", "the work comes back")
-        assert parts.plant().version == parts.state().version == 2
+        until(lambda: parts.state().version == 2, "the twin of the line knows that the plant has taken it")
+        assert parts.plant().version == 2
     said = [(decision.who, decision.what) for decision in parts.decisions()]
     assert said.index(("ada", "stop")) < said.index(("overall twin", "set-up"))
     assert said.count(("overall twin", "set-up")) == 2
