@@ -48,6 +48,17 @@ def test_an_arm_that_is_not_the_models_is_told_once(machine: str) -> None:
     assert any("identify the arm" in event.text for event in monitor.events)
 
 
+def test_encoders_that_are_quieter_than_those_that_were_known_are_not_called_stopped() -> None:
+    """At rest they repeat readings that noisier ones would not: what is known is that of another arm."""
+    cell = Cell(CellSettings(40.0, seed=5, machine=machine_of("9402")))
+    cell.run()
+    seen = stream(cell.log.freeze())
+    monitor = Monitor(assumed(ArmParameters(), (5e-4, 5e-4, 5e-4)))
+    seen.feed(monitor, 0, len(seen))
+    assert [event.kind for event in monitor.events] == ["misfit"]
+    assert monitor.history == []
+
+
 def test_other_links_are_not_called_faults(run_cell: Callable[..., Log]) -> None:
     seen = stream(run_cell(40.0, 5, *(f"l{joint}*=1.02@0" for joint in (1, 2, 3))))
     monitor = Monitor(assumed(ArmParameters(), (1e-3, 1e-3, 1e-3)))

@@ -81,6 +81,7 @@ class Readings:
         spikes: (3,), which encoders have just shown that no joint was where the readings before this one were.
         wild: (3,), number of those readings in a row, of the last time.
         confirmed: (3,), which have shown that it was not.
+        quieter: (3,), which have less noise than was believed, so that they may repeat themselves more often.
     """
 
     def __init__(self, noise: JointVector) -> None:
@@ -103,7 +104,7 @@ class Readings:
         self.repeated = np.zeros(3, dtype=int)
         self.resolution = np.full(3, COARSEST)
         self.frozen = np.zeros(3, dtype=bool)
-        self._dithered = np.zeros(3, dtype=bool)
+        self._dithered, self.quieter = np.zeros((2, 3), dtype=bool)
         self.left_out, self.spikes, self.confirmed = np.zeros((3, 3), dtype=bool)
 
     @property
@@ -255,6 +256,7 @@ class Readings:
             if not self.unheard:
                 heard = noise(np.array(self._heard))
                 self._noisy = np.maximum(heard, self._deviation) > NOISE_FLOOR
+                self.quieter = self._deviation > _NOISIER * np.maximum(heard, NOISE_FLOOR)
                 louder = heard > _NOISIER * np.maximum(self._deviation, NOISE_FLOOR)
                 self._deviation = np.where(louder, heard, self._deviation)
                 self._unweighed = True

@@ -64,7 +64,8 @@ def surely(readings: Readings, moments: Moments, known: bool, fits: bool) -> lis
     """Which encoders (3) have stopped for sure.
 
     A model that does not fit may expect an arm to move that rests, and encoders without noise repeat themselves then.
-    Of these only the other joints tell.
+    Of these only the other joints tell. Of one that has less noise than is believed nothing is sure: what is known is
+    that of another arm then.
 
     Args:
         readings: the readings up to the last sample.
@@ -77,6 +78,7 @@ def surely(readings: Readings, moments: Moments, known: bool, fits: bool) -> lis
     proven: list[bool] = readings.proven.tolist()
     if fits:
         return proven
+    proven = (readings.proven & ~readings.quieter).tolist()
     for i in np.flatnonzero(readings.proven & readings.exact):
         count = min(int(readings.repeated[i]), len(moments))
         away = np.abs(readings.last - moments.measured(count - 1)) if count else np.zeros(3)
