@@ -9,7 +9,7 @@ from typing import Final
 from dtwin.errors import ParameterError, choices
 from dtwin.line.control import Control, Devices, Exchange, OneResource
 from dtwin.line.line import CYCLE, Line
-from dtwin.line.plant import LineEvent, MakeVehicle, Plant, check_boxes, emulated_vehicle
+from dtwin.line.plant import TICKS, LineEvent, MakeVehicle, Plant, check_boxes, emulated_vehicle
 from dtwin.line.situation import Situation
 from dtwin.line.station import Station
 from dtwin.line.stations import Crew, emulated
@@ -74,7 +74,7 @@ class Floor:
         self.emulated = {station.name: emulated(station) for station in line.stations}
         stations: dict[str, Station] = dict(self.emulated)
         self.plant = Plant(line, stations, vehicle)
-        self._work = Crew(stations, threads).advance if threads > 1 else None
+        self._crew = Crew(self.emulated, threads)
         here = Devices if devices else OneResource
         self.control = Control(line, blocks or here(line), patient=blocks is not None)
         self.events: list[LineEvent] = []
@@ -91,13 +91,22 @@ class Floor:
         """What it is now; None where blocks elsewhere do not tell their state."""
         return self.control.now(self.plant)
 
-    def step(self) -> None:
+    def step(self, undisturbed: int = 1) -> None:
         """Runs for a cycle.
+
+        Args:
+            undisturbed: number of cycles, this one among them, between which nobody but plant and blocks does
+                anything to stations: these may work ahead, with the same results.
 
         Raises:
             DtwinError: a box has vanished, or an arm or the blocks have failed.
         """
-        self.plant.advance(self._work)
+
+        def ticks(name: str) -> int:
+            cycles = min(self.plant.undisturbed(name) / CYCLE + 1e-6, undisturbed)
+            return TICKS * max(1, int(cycles))
+
+        self.plant.advance(lambda: self._crew.advance(TICKS, ticks))
         self.control.step(self.plant)
 
     def record(self) -> None:

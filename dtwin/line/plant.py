@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -155,13 +155,13 @@ class Plant:
         events, self.events = self.events, []
         return events
 
-    def advance(self, work: Callable[[int], dict[str, Report]] | None = None) -> None:
+    def advance(self, work: Callable[[], Mapping[str, Report]] | None = None) -> None:
         """Lets everything go on for one cycle.
 
         Args:
-            work: lets all stations work for some ticks; one after the other without it.
+            work: lets all stations work for its ticks; one after the other without it.
         """
-        reports = work(TICKS) if work else {name: s.station.advance(TICKS) for name, s in self.stations.items()}
+        reports = work() if work else {name: s.station.advance(TICKS) for name, s in self.stations.items()}
         self._cycles += 1
         for name, report in reports.items():
             self._take_report(name, report)
@@ -170,6 +170,21 @@ class Plant:
                 self._move(zone, self.vehicles[vehicle.name])
         self._enter()
         self._watch()
+
+    def undisturbed(self, name: str) -> float:
+        """Shortest time, s, from now in which a vehicle or the blocks may do something to a station.
+
+        They bring a box to an arm that is free, and take away one that was offered. As long as the arm holds one that
+        does not count.
+        """
+        state = self.stations[name]
+        if state.report.arm == HOLDING:
+            return math.inf
+        if state.report.arm == FREE and state.waits:
+            return 0.0
+        zone = self.line.zones[self.line.zone_of(name)]
+        slot = 2 * zone.station(name) + 1
+        return min(self.vehicles[vehicle.name].undisturbed(slot) for vehicle in zone.vehicles)
 
     def tag(self, number: int, more: int = 0) -> int:
         """Tag of a box, 0 for none, as it is after `more` operations."""

@@ -135,7 +135,8 @@ class LineRun:
         """
         began = time.perf_counter()
         while not self.over:
-            self.step()
+            done, end = self._cycle, cycles_of(self.settings.duration)
+            self._step(min(_LOOK - done % _LOOK, end - done) if look is None else 1)
             if look is not None:
                 look()
             if progress is not None and self._cycle % _LOOK == 0:
@@ -153,8 +154,12 @@ class LineRun:
         Raises:
             DtwinError: a box has vanished, or an arm or the blocks have failed.
         """
+        self._step(1)
+
+    def _step(self, undisturbed: int) -> None:
+        """Runs for a cycle, the first one of so many between which only plant and blocks act."""
         self._cycle += 1
-        self.floor.step()
+        self.floor.step(undisturbed)
         if self._cycle % _LOOK == 0:
             self._look()
 

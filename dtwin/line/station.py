@@ -140,13 +140,15 @@ class EmulatedStation:
         blocks = self._controller.resource
         self._stop = blocks.reader([STOP])
         self._verdict = blocks.server(VERDICT.block)
-        self._ahead = (
-            CompiledTicks(self._emulation, self._controller, blocks, self.log).run
+        self._compiled = (
+            CompiledTicks(self._emulation, self._controller, blocks, self.log, STOP).run
             if isinstance(blocks, NativeResource)
             else None
         )
         self._arm = FREE
         self._ticks = 0
+        self._ahead = 0
+        self._meanwhile = self._next = Report(FREE, 0, ())
 
     def give(self, kind: str, mass: float = 0.0, text: str = "") -> None:
         self.apply(Input(self._ticks, kind, mass, text))  # type: ignore[arg-type]
@@ -177,6 +179,7 @@ class EmulatedStation:
             ParameterError: the box belongs to no place, or comes while the arm is not free, or settings are out of
                 range.
         """
+        assert not self._ahead, "nothing can be done to a station in the past"
         if given.kind == "bring":
             if given.text not in self.colours or self._arm != FREE:
                 raise ParameterError(f"bring: expected a box for {self.colours} and a free arm, got {given}")
@@ -206,9 +209,39 @@ class EmulatedStation:
         self._port.put(MODEL, new)
         self.settings = settings
 
+    @property
+    def ahead(self) -> bool:
+        """Whether it has worked further than it has reported."""
+        return self._ahead > 0
+
     def advance(self, ticks: int) -> Report:
-        run(self._emulation, self._controller, ticks, record=self.log.append, ahead=self._ahead)
+        if not self._ahead:
+            self.work_ahead(ticks, ticks)
+        self._ahead -= ticks
         self._ticks += ticks
+        return self._meanwhile if self._ahead else self._next
+
+    def work_ahead(self, ticks: int, undisturbed: int) -> None:
+        """Lets it work on, and report later.
+
+        Args:
+            ticks: number of ticks, of 10 ms, of which it is to report together.
+            undisturbed: number of ticks in which nothing is done to it. It stops at the end of those `ticks` in which
+                something happens, so that it reports as if it had not worked ahead.
+        """
+        (stop,) = self._stop()
+        self._meanwhile = Report(self._arm, stop, ())
+        while self._ahead < undisturbed:
+            made = 0 if self._compiled is None else self._compiled(undisturbed - self._ahead)
+            rest = -made % ticks if made else ticks
+            run(self._emulation, self._controller, rest, record=self.log.append, ahead=self._compiled)
+            self._ahead += made + rest
+            self._next = self._report()
+            if self._next != self._meanwhile:
+                return
+
+    def _report(self) -> Report:
+        """What has happened since the last call."""
         events = [*self._emulation.drain_events(), *self._controller.drain_events()]
         events.sort(key=lambda event: event.time)
         self.log.add_events(events)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor, wait
 
 from dtwin.emulation.faults import parse_fault
@@ -28,26 +28,36 @@ class Crew:
         threads: number of threads among which they are divided, this one among them.
     """
 
-    def __init__(self, stations: Mapping[str, Station], threads: int) -> None:
-        self._names = tuple(stations)
-        parts = min(threads, len(stations))
-        self._parts = [tuple(stations.items())[part::parts] for part in range(parts)]
-        self._others = ThreadPoolExecutor(parts - 1, "stations") if parts > 1 else None
+    def __init__(self, stations: Mapping[str, Emulated], threads: int) -> None:
+        self._stations, self._threads = stations, max(1, min(threads, len(stations)))
+        self._others = ThreadPoolExecutor(self._threads - 1, "stations") if self._threads > 1 else None
 
-    def advance(self, ticks: int) -> dict[str, Report]:
-        """What they report after some ticks, in their order. Raises DtwinError: an arm or its blocks failed."""
-        others = [self._others.submit(_work, part, ticks) for part in self._parts[1:]] if self._others else []
+    def advance(self, ticks: int, undisturbed: Callable[[str], int]) -> dict[str, Report]:
+        """What they report after some ticks, in their order.
+
+        Args:
+            ticks: number of ticks.
+            undisturbed: number of ticks in which nothing is done to a station.
+
+        Raises:
+            DtwinError: an arm or its blocks failed.
+        """
+        due = [(station, undisturbed(name)) for name, station in self._stations.items() if not station.ahead]
+        parts = [due[part :: self._threads] for part in range(min(self._threads, len(due)))]
+        others = [self._others.submit(_work, part, ticks) for part in parts[1:]] if self._others else []
         try:
-            reports = _work(self._parts[0], ticks)
+            if parts:
+                _work(parts[0], ticks)
         finally:
             wait(others)
         for other in others:
-            reports |= other.result()
-        return {name: reports[name] for name in self._names}
+            other.result()
+        return {name: station.advance(ticks) for name, station in self._stations.items()}
 
 
-def _work(part: Iterable[tuple[str, Station]], ticks: int) -> dict[str, Report]:
-    return {name: station.advance(ticks) for name, station in part}
+def _work(part: Iterable[tuple[Emulated, int]], ticks: int) -> None:
+    for station, undisturbed in part:
+        station.work_ahead(ticks, undisturbed)
 
 
 def emulated(plan: StationPlan) -> Emulated:

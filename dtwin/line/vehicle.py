@@ -141,6 +141,11 @@ class Vehicle:
         before, self._busy = self._busy, self._busy + period
         return self._slot if before < self.plan.handling - 1e-9 <= self._busy else 0
 
+    def undisturbed(self, slot: int) -> float:
+        """Shortest time in which it may have handled a box at a slot, s."""
+        busy = self._busy if self.action and self._slot == slot else 0.0
+        return self.plan.handling - (busy if busy < self.plan.handling else 0.0)
+
     def retry(self) -> None:
         """Handles the box anew: it could not be taken or given."""
         self._busy = 0.0

@@ -203,6 +203,25 @@ def test_a_run_is_kept_and_shown(tmp_path: Path) -> None:
         read(tmp_path / "one")
 
 
+def test_arms_that_work_ahead_do_the_same() -> None:
+    line = replace(LINE, source=replace(LINE.source, every=12.0))
+    settings = LineSettings(90.0, "off", (("a1", "lock2@40.2-70"), ("a2", "K2*=0.1@30")), threads=2)
+    ahead, stepwise = LineRun(line, settings), LineRun(line, settings)
+    ahead.run()
+    while not stepwise.over:
+        stepwise.step()
+    assert {"stopped", "unloaded", "work", "done"} <= {event.kind for event in ahead.course.events}
+    assert ahead.course == stepwise.course
+    for name, station in ahead.emulated.items():
+        other = stepwise.emulated[name]
+        assert station.inputs == other.inputs
+        one, two = station.log.freeze(), other.log.freeze()
+        assert one.events == two.events
+        assert {key: column.tobytes() for key, column in one.columns.items()} == {
+            key: column.tobytes() for key, column in two.columns.items()
+        }
+
+
 @pytest.mark.thorough
 def test_work_moves_when_an_arm_fails_and_comes_back_when_it_is_repaired() -> None:
     run = LineRun(LINE, DEMO)

@@ -105,6 +105,14 @@ class ChainStation:
         self._controller.adjust(wished.adjustment)
         self.settings = settings
 
+    @property
+    def ahead(self) -> bool:
+        """Whether it has worked further than it has reported."""
+        return False
+
+    def work_ahead(self, ticks: int, undisturbed: int) -> None:
+        """Does nothing: its plant is no faster for many ticks than for few."""
+
     def advance(self, ticks: int) -> Report:
         """Lets it work for some ticks of 10 ms."""
         events: list[Event] = []

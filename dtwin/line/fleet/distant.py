@@ -108,6 +108,9 @@ class DistantVehicle(Vehicle):
         finished, self._finished = self._finished, False
         return self._slot if finished and self.action else 0
 
+    def undisturbed(self, slot: int) -> float:
+        return 0.0
+
     def retry(self) -> None:
         """The box could not be taken or given: the vehicle tries again in a second."""
         self._again = self._contact.now + _REPEATED

@@ -71,7 +71,7 @@ def advance(
     answer: NDArray[np.uint8],
     memory: Array,
     path: NDArray[np.int64],
-    help_: NDArray[np.uint8],
+    watched: NDArray[np.int32],
     errors: Array,
     sensed: Array,
     q: Array,
@@ -93,7 +93,7 @@ def advance(
             gripper moves (rad).
         function, unit, request, answer: as for `cell_loop.work`.
         memory: the blocks' state as float64, of which `path` (3,) are the places of the desired angles.
-        help_: the bytes of the variable that says for what the blocks call.
+        watched: variables of the blocks, such as the one that says for what they call.
         errors: (N, 4), what the encoders add to the angles, rad.
         sensed: (4,), what they read now, rad; replaced.
         q, w, control: (4,), of the plant: angles (rad), velocities (rad/s) and voltages (V).
@@ -106,15 +106,15 @@ def advance(
     """
     numbers, volts = request[:_GRIPPED].view(np.float64), answer[:_GRIPPED].view(np.float64)
     requested, answered = request.ctypes.data, answer.ctypes.data
-    gripped, called = answer[_GRIPPED], help_.copy()
+    gripped, before = answer[_GRIPPED], watched.copy()
     for k in range(rows.shape[0]):
         numbers[:] = sensed
         problem = exchange(function, unit, requested, answered)
         if problem != FINISHED:
             return k, problem
         asks = answer[_GRIPPED] != gripped
-        for i in range(len(called)):
-            asks |= help_[i] != called[i]
+        for i in range(len(before)):
+            asks |= watched[i] != before[i]
         total = abs(volts[0]) + abs(volts[1]) + abs(volts[2]) + abs(volts[3])
         if asks or not total < limits[0]:
             return k, HANDED_OVER
@@ -150,17 +150,24 @@ class CompiledTicks:
         controller: its controller.
         blocks: the controller's blocks.
         log: receives the ticks.
+        watched: a variable of the blocks; a tick in which it changes is not done in machine code.
     """
 
     def __init__(
-        self, emulation: Emulation, controller: EmbeddedController, blocks: NativeResource, log: RunLog
+        self,
+        emulation: Emulation,
+        controller: EmbeddedController,
+        blocks: NativeResource,
+        log: RunLog,
+        watched: str = HELP,
     ) -> None:
         self._emulation, self._controller, self._blocks, self._log = emulation, controller, blocks, log
         self._server = blocks.server(EMULATOR.block)
         self._function = blocks.function(f"exchange__{EMULATOR.block}")
         self._memory = blocks.numbers()
         self._path = np.array([blocks.offset(name) // 8 for name in PATH])
-        self._help = self._memory.view(np.uint8)[blocks.offset(HELP) :][:4]
+        first, last = sorted(blocks.offset(name) // 4 for name in (HELP, watched))
+        self._watched = self._memory.view(np.int32)[first : last + 1 : max(1, last - first)]
         self._rows = np.empty((_MOST, len(NUMBERS)))
         self._request, self._box = np.zeros(0, np.uint8), (False, "")
 
@@ -194,7 +201,7 @@ class CompiledTicks:
             self._server.answer,
             self._memory,
             self._path,
-            self._help,
+            self._watched,
             plant.errors,
             np.array([*sensors.theta, sensors.gripper]),
             plant.q,
