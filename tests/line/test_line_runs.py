@@ -215,6 +215,8 @@ def test_arms_that_work_ahead_do_the_same() -> None:
     for name, station in ahead.emulated.items():
         other = stepwise.emulated[name]
         assert station.inputs == other.inputs
+        assert isinstance(station, EmulatedStation)
+        assert isinstance(other, EmulatedStation)
         one, two = station.log.freeze(), other.log.freeze()
         assert one.events == two.events
         assert {key: column.tobytes() for key, column in one.columns.items()} == {
