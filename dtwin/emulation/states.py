@@ -40,7 +40,21 @@ class EmulationState(msgspec.Struct, frozen=True):
 
 
 class Free(NamedTuple):
-    """What it takes to move the plant: see `Stepping` and `dtwin.run.machine_code.cell.advance`."""
+    """What it takes to move the plant for at most N ticks.
+
+    Attributes:
+        step, model, data: addresses of `mj_step` and of its arguments.
+        q, w, control: (4,), angles (rad), velocities (rad/s) and voltages (V).
+        read: (8,), angles and velocities as they were read last.
+        substeps: number of integration steps in a tick.
+        steps: number of integration steps so far.
+        due: number of steps at which something happens to the cell.
+        rate: integration steps in a second.
+        payload: mass at the tip, kg.
+        limits: (4,), largest sum of absolute commands (V), largest sum of the state, and the angles between which the
+            gripper moves (rad).
+        errors: (N, 4), what the encoders add to the angles, rad.
+    """
 
     step: int
     model: int

@@ -185,7 +185,7 @@ class SignatureBank:
             sample: number of the sample.
             counts: whether it is evidence.
         """
-        place = accumulate(*self.traces, *estimator.evidence(), used, fresh, sample, counts)
+        place = accumulate(self.traces, estimator.evidence(), used, fresh, sample, counts)
         self._estimators[place] = partial(_itself, estimator.copy())
 
     def recall(self, estimator: Estimator, joint: int, sample: int) -> None:
@@ -197,8 +197,7 @@ class SignatureBank:
 
     def note(self, estimator: Estimator, sample: int) -> None:
         """Takes this sample for an onset."""
-        t = self.traces
-        place = place_onset(t.E, t.h, t.J, t.at_once, t.rows, t.samples, t.order, t.gaps, sample)
+        place = place_onset(self.traces, sample)
         self._estimators[place] = partial(_itself, estimator.copy())
 
     def room(self, estimator: Estimator) -> Past:
@@ -234,14 +233,12 @@ class SignatureBank:
 
     def worst(self) -> float:
         """The largest of the statistics beyond what is allowed for."""
-        traces = self.traces
-        found: float = largest(traces.h, traces.J, traces.precision, traces.least, traces.allowance)
+        found: float = largest(self.traces)
         return found
 
     def exceeds(self, limit: float) -> bool:
         """Whether the largest of the statistics beyond what is allowed for is above a limit, or not a number."""
-        traces = self.traces
-        return bool(exceed(traces.h, traces.J, traces.precision, traces.least, traces.allowance, limit))
+        return bool(exceed(self.traces, limit))
 
     def suspicions(self, least: float = 0.0) -> list[Suspicion]:
         """For each fault of which a statistic is at least so much its best onset, most likely first."""

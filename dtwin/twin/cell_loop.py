@@ -8,16 +8,16 @@ samples that are lost.
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.parameters import PERIOD
 from dtwin.twin import closed_loop, dry_friction, dynamics, lanes, machine
-from dtwin.twin.closed_loop import FINISHED, exchange
+from dtwin.twin.closed_loop import FINISHED, Blocks, exchange
 from dtwin.twin.compiled import kernel
-from dtwin.twin.machine import MACHINE_NAMES, SUBSTEP, WIDTH, Array, integrate_machine
+from dtwin.twin.machine import MACHINE_NAMES, SUBSTEP, WIDTH, Array, Steps, integrate_machine
 
 DIVERGED: Final = -1
 _SIN: Final = MACHINE_NAMES.index("eccentric_sin1")
@@ -26,97 +26,132 @@ _GRIPPED: Final = 32
 """Place of the flag in an answer, behind four voltages."""
 
 
+class Device(NamedTuple):
+    """The machine of a cell.
+
+    Attributes:
+        p: (78,), see MACHINE_NAMES.
+        resolution: (2,), of the amplifiers, V, and of the encoders, rad; 0 for an infinite one.
+        jaw: (5,), of the gripper: inertia (kg m^2), damping (N m s/rad), torque per volt (N m/V), and the angles
+            between which it moves (rad).
+    """
+
+    p: Array
+    resolution: Array
+    jaw: Array
+
+
+class State(NamedTuple):
+    """What a cell is at a time; it changes in place.
+
+    Attributes:
+        arm: (6,), angles in rad, then velocities in rad/s.
+        commands: (n, 3), commands so far, those that still wait and the last one, V.
+        acting: (3,), voltages that act, as for `integrate_machine`.
+        fingers: (2,), angle (rad) and velocity (rad/s) of the gripper.
+    """
+
+    arm: Array
+    commands: Array
+    acting: Array
+    fingers: Array
+
+
+class Disturbed(NamedTuple):
+    """What disturbs N samples.
+
+    Attributes:
+        noise: (N, 3), what the encoders add, rad.
+        lost: (N,), at which ticks the last sample is sent again.
+    """
+
+    noise: Array
+    lost: NDArray[np.bool_]
+
+
+class Course(NamedTuple):
+    """What becomes of N ticks.
+
+    Attributes:
+        measured: (N + 1, 4), readings of the joints and of the gripper, rad; row 0 is the sample before.
+        path: (N, 3), desired angles, rad.
+        volts: (N, 4), commands, that to the gripper last, V.
+        gripped: (N,), whether a box is held.
+    """
+
+    measured: Array
+    path: Array
+    volts: Array
+    gripped: NDArray[np.bool_]
+
+
+@kernel(inlined=True)
+def _turn_fingers(fingers: Array, volts: float, jaw: Array, slowed: float) -> None:
+    """Turns the gripper for a period; `slowed` is the share that is left of a velocity then."""
+    inertia, damping, torque, closed, opened = jaw[0], jaw[1], jaw[2], jaw[3], jaw[4]
+    fastest = torque * volts / damping
+    swing = fingers[1] - fastest
+    angle = fingers[0] + fastest * PERIOD + swing * inertia / damping * (1.0 - slowed)
+    fingers[0], fingers[1] = min(max(angle, closed), opened), fastest + swing * slowed
+    if fingers[0] != angle:
+        fingers[1] = 0.0
+
+
+@kernel(inlined=True)
+def _rounded(value: float, resolution: float) -> float:
+    """A value as it is told with a resolution, 0 for an infinite one."""
+    return resolution * math.floor(value / resolution + 0.5) if resolution > 0.0 else value
+
+
 @kernel(nogil=True, uses=(closed_loop, dry_friction, dynamics, lanes, machine))
 def work(
-    function: int,
-    unit: int,
-    request: NDArray[np.uint8],
-    answer: NDArray[np.uint8],
-    memory: Array,
-    watched: NDArray[np.int64],
-    p: Array,
-    payload: float,
-    resolution: Array,
-    jaw: Array,
-    noise: Array,
-    lost: NDArray[np.bool_],
-    moves: bool,
-    state: Array,
-    commands: Array,
-    acting: Array,
-    fingers: Array,
-    measured: Array,
-    path: Array,
-    volts: Array,
-    gripped: NDArray[np.bool_],
+    b: Blocks, device: Device, payload: float, disturbed: Disturbed, moves: bool, state: State, course: Course
 ) -> tuple[int, int]:
     """Lets a controller move the arm until it grips or lets go: a period, then a sample and its answer, N at most.
 
     Args:
-        function: address of the controller's function, called with the three addresses that follow.
-        unit: address of the controller's state.
-        request: the message to the controller: angles of the joints and of the gripper in rad as four float64, and
-            what does not change meanwhile.
-        answer: receives four voltages as float64, V, and whether a box is held.
-        memory: the controller's state as float64.
-        watched: (3,), places in `memory` of the desired angles, rad.
-        p: (78,), see MACHINE_NAMES.
+        b: the controller; it is told angles of the joints and of the gripper, and answers with four voltages and
+            whether a box is held. `places` are those of the desired angles, rad.
+        device: the machine.
         payload: point mass at the tip, kg.
-        resolution: (2,), of the amplifiers, V, and of the encoders, rad; 0 for an infinite one.
-        jaw: (5,), of the gripper: inertia (kg m^2), damping (N m s/rad), torque per volt (N m/V), and the angles
-            between which it moves (rad).
-        noise: (N, 3), what the encoders add, rad.
-        lost: (N,), at which ticks the last sample is sent again.
+        disturbed: what disturbs the samples.
         moves: whether a period passes before the first sample.
-        state: (6,), angles in rad, then velocities in rad/s; replaced.
-        commands: (n, 3), commands so far, those that still wait and the last one, V; replaced.
-        acting: (3,), voltages that act, as for `integrate_machine`; replaced.
-        fingers: (2,), angle (rad) and velocity (rad/s) of the gripper; replaced.
-        measured: (N + 1, 4), receives the readings of the joints and of the gripper, rad; row 0 is the sample before.
-        path: (N, 3), receives the desired angles, rad.
-        volts: (N, 4), receives the commands, that to the gripper last, V.
-        gripped: (N,), receives whether a box is held.
+        state: of the cell.
+        course: receives what becomes of the ticks.
 
     Returns:
         The number of ticks done, and FINISHED, DIVERGED or what else the controller's function returned.
     """
+    p, commands, volts, measured = device.p, state.commands, course.volts, course.measured
     ticks, first = volts.shape[0], commands.shape[0] - 1
     states, masses = np.empty((2, 6)), np.full(first + 1, payload)
-    numbers, voltages = request[:_GRIPPED].view(np.float64), answer[:_GRIPPED].view(np.float64)
-    requested, answered = request.ctypes.data, answer.ctypes.data
-    held = answer[_GRIPPED]
-    inertia, damping, torque, closed, opened = jaw[0], jaw[1], jaw[2], jaw[3], jaw[4]
-    slowed = math.exp(-PERIOD * damping / inertia)
+    numbers, voltages = b.request[:_GRIPPED].view(np.float64), b.answer[:_GRIPPED].view(np.float64)
+    requested, answered = b.request.ctypes.data, b.answer.ctypes.data
+    held = b.answer[_GRIPPED]
+    slowed = math.exp(-PERIOD * device.jaw[1] / device.jaw[0])
     for k in range(ticks):
         if moves or k:
-            states[0] = state
-            if not integrate_machine(p, commands, masses, PERIOD, SUBSTEP, WIDTH, first, acting, states):
+            states[0] = state.arm
+            steps = Steps(PERIOD, SUBSTEP, WIDTH)
+            if not integrate_machine(p, commands, masses, steps, first, state.acting, states):
                 return k, DIVERGED
-            state[:] = states[1]
-            fastest = torque * voltages[3] / damping
-            swing = fingers[1] - fastest
-            angle = fingers[0] + fastest * PERIOD + swing * inertia / damping * (1.0 - slowed)
-            fingers[0], fingers[1] = min(max(angle, closed), opened), fastest + swing * slowed
-            if fingers[0] != angle:
-                fingers[1] = 0.0
+            state.arm[:] = states[1]
+            _turn_fingers(state.fingers, voltages[3], device.jaw, slowed)
         for i in range(3):
-            reading = state[i] + p[_SIN + i] * math.sin(state[i]) + p[_COS + i] * math.cos(state[i]) + noise[k, i]
-            if resolution[1] > 0.0:
-                reading = resolution[1] * math.floor(reading / resolution[1] + 0.5)
-            measured[k + 1, i] = numbers[i] = measured[k, i] if lost[k] else reading
-        measured[k + 1, 3] = numbers[3] = fingers[0]
-        problem = exchange(function, unit, requested, answered)
+            angle = state.arm[i]
+            reading = angle + p[_SIN + i] * math.sin(angle) + p[_COS + i] * math.cos(angle) + disturbed.noise[k, i]
+            reading = _rounded(reading, device.resolution[1])
+            measured[k + 1, i] = numbers[i] = measured[k, i] if disturbed.lost[k] else reading
+        measured[k + 1, 3] = numbers[3] = state.fingers[0]
+        problem = exchange(b.function, b.unit, requested, answered)
         if problem != FINISHED:
             return k, problem
         commands[:-1] = commands[1:]
         for i in range(3):
-            path[k, i] = memory[watched[i]]
-            sent = voltages[i]
-            if resolution[0] > 0.0:
-                sent = resolution[0] * math.floor(sent / resolution[0] + 0.5)
-            commands[first, i] = sent
+            course.path[k, i] = b.memory[b.places[i]]
+            commands[first, i] = _rounded(voltages[i], device.resolution[0])
         volts[k] = voltages
-        gripped[k] = answer[_GRIPPED] != 0
-        if answer[_GRIPPED] != held:
+        course.gripped[k] = b.answer[_GRIPPED] != 0
+        if b.answer[_GRIPPED] != held:
             return k + 1, FINISHED
     return ticks, FINISHED

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from llvmlite import ir
@@ -14,10 +13,10 @@ from numpy.typing import NDArray
 
 from dtwin.errors import DivergenceError
 from dtwin.parameters import COULOMB_WIDTH, PERIOD, ArmParameters, PayloadModel
-from dtwin.twin import dynamics
+from dtwin.twin import dynamics, rollout
 from dtwin.twin.compiled import kernel
 from dtwin.twin.dynamics import Array, advance, coefficients, held_torque
-from dtwin.twin.rollout import is_weight_only
+from dtwin.twin.rollout import Steps, is_weight_only
 from iec61499.native.resource import NativeResource
 
 FINISHED: Final = 0
@@ -37,69 +36,93 @@ def exchange(typing: Any, function: Any, unit: Any, request: Any, answer: Any) -
     return types.int32(types.int64, types.int64, types.int64, types.int64), generate
 
 
-@kernel(nogil=True, uses=(dynamics,))
-def closed_loop(
-    function: int,
-    unit: int,
-    request: NDArray[np.uint8],
-    answer: Array,
-    memory: Array,
-    watched: NDArray[np.int64],
-    noise: Array,
-    p: Array,
-    payload: float,
-    period: float,
-    substeps: int,
-    weight_only: bool,
-    width: float,
-    states: Array,
-    samples: Array,
-    path: Array,
-    volts: Array,
-) -> tuple[int, int]:
-    """Lets a controller move the arm from states[0]: a sample, its answer, and the arm for a period with that held.
+class Blocks(NamedTuple):
+    """Function blocks in machine code.
+
+    Attributes:
+        function: address of the function that answers a message, called with the addresses of the next three.
+        unit: address of the blocks' state.
+        request: the message to them: angles in rad as float64, and what else changes less often.
+        answer: receives the answer, voltages in V as float64 first.
+        memory: the blocks' state as float64.
+        places: places in `memory` of what is looked at after an answer.
+    """
+
+    function: int
+    unit: int
+    request: NDArray[np.uint8]
+    answer: NDArray[Any]
+    memory: Array
+    places: NDArray[np.int64]
+
+
+class LoadedArm(NamedTuple):
+    """An arm, or as many as the arrays have rows.
+
+    Attributes:
+        parameters: (21,), in the order of ArmParameters.vector(), SI units.
+        payload: mass at the tip, kg.
+        weight_only: the payload model.
+    """
+
+    parameters: Array
+    payload: Any
+    weight_only: Any
+
+
+class Motion(NamedTuple):
+    """What a motion comes to; sample k is at k times 10 ms. Of J motions all arrays have J rows of this.
+
+    Attributes:
+        states: (N + 1, 6), true angles (rad), then velocities (rad/s).
+        measured: (N, 3), angles that the encoders measure, rad.
+        path: (N, 3), desired angles, rad.
+        volts: (N, 3), voltages, V.
+    """
+
+    states: Array
+    measured: Array
+    path: Array
+    volts: Array
+
+
+@kernel(nogil=True, uses=(dynamics, rollout))
+def closed_loop(b: Blocks, noise: Array, loaded: LoadedArm, steps: Steps, motion: Motion) -> tuple[int, int]:
+    """Lets a controller move the arm from its first state: a sample, its answer, and a period with that held.
 
     Args:
-        function: address of the controller's function, called with the three addresses that follow.
-        unit: address of the controller's state.
-        request: (32,), the message to the controller: three angles in rad as float64, whether it is the first of a
-            motion, and what else does not change.
-        answer: (3,), receives the voltages, V.
-        memory: (M,), the controller's state as float64, of which `watched` is read after each answer.
-        watched: (3,), places in `memory` of the desired angles, rad.
+        b: the controller, whose request, (32,), says behind three angles whether it is the first of a motion; it
+            answers with three voltages, and `places` are those of the desired angles, rad.
         noise: (N, 3), what the encoders add to the angles, rad; (0, 3) for none.
-        p: (21,), parameters of the arm.
-        payload: mass at the tip, kg.
-        period, substeps, weight_only, width: as for `integrate`.
-        states: (N + 1, 6), angles in rad, then velocities in rad/s; row 0 is the start, the others are written.
-        samples: (N, 3), receives what the encoders measured, rad.
-        path: (N, 3), receives the desired angles, rad.
-        volts: (N, 3), receives the voltages, V.
+        loaded: the arm.
+        steps: how its motion is integrated.
+        motion: receives the motion; row 0 of its states is the start.
 
     Returns:
         FINISHED, DIVERGED when a state is not finite, or what else the function returned; and the tick.
     """
-    angles = request[:24].view(np.float64)
-    request_address, answer_address = request.ctypes.data, answer.ctypes.data
-    arm = coefficients(p, payload, weight_only)
+    states, measured = motion.states, motion.measured
+    angles, request, answer = b.request[:24].view(np.float64), b.request.ctypes.data, b.answer.ctypes.data
+    arm = coefficients(loaded.parameters, loaded.payload, loaded.weight_only)
+    step = steps.period / steps.substeps
     x = (states[0, 0], states[0, 1], states[0, 2], states[0, 3], states[0, 4], states[0, 5])
-    for k in range(samples.shape[0]):
+    for k in range(measured.shape[0]):
         for i in range(3):
-            samples[k, i] = states[k, i] + noise[k, i] if noise.shape[0] else states[k, i]
-            angles[i] = samples[k, i]
-        request[24] = k == 0
-        problem = exchange(function, unit, request_address, answer_address)
+            measured[k, i] = states[k, i] + noise[k, i] if noise.shape[0] else states[k, i]
+            angles[i] = measured[k, i]
+        b.request[24] = k == 0
+        problem = exchange(b.function, b.unit, request, answer)
         if problem != FINISHED:
             return problem, k
         for i in range(3):
-            volts[k, i] = answer[i]
-            path[k, i] = memory[watched[i]]
-        x, finite = advance(x, held_torque(answer, arm), arm, width, period / substeps, substeps)
+            motion.volts[k, i] = b.answer[i]
+            motion.path[k, i] = b.memory[b.places[i]]
+        x, finite = advance(x, held_torque(b.answer, arm), arm, steps.width, step, steps.substeps)
         for i in range(6):
             states[k + 1, i] = x[i]
         if not finite:
             return DIVERGED, k
-    return FINISHED, samples.shape[0]
+    return FINISHED, measured.shape[0]
 
 
 @kernel(nogil=True)
@@ -123,36 +146,38 @@ def exchanges(function: int, unit: int, requests: NDArray[np.uint8], answers: Ar
 
 
 @kernel(nogil=True)
-def _responses(
-    function: int,
-    unit: int,
-    request: NDArray[np.uint8],
-    answer: Array,
-    memory: Array,
-    rest: Array,
-    places: NDArray[np.int64],
-    points: Array,
-    found: Array,
-) -> tuple[int, int]:
+def _responses(b: Blocks, rest: Array, points: Array, found: Array) -> tuple[int, int]:
     """Lets a controller answer samples that all come in the same state, as `TickResponses.after` says."""
-    angles = request[:24].view(np.float64)
-    request_address, answer_address = request.ctypes.data, answer.ctypes.data
-    count = places.shape[0]
+    memory, places, count = b.memory, b.places, b.places.shape[0]
+    angles, request, answer = b.request[:24].view(np.float64), b.request.ctypes.data, b.answer.ctypes.data
     for k in range(points.shape[0]):
         memory[:] = rest
         for i in range(count):
             memory[places[i]] = points[k, i]
         for i in range(3):
             angles[i] = points[k, count + i]
-        problem = exchange(function, unit, request_address, answer_address)
+        problem = exchange(b.function, b.unit, request, answer)
         if problem != FINISHED:
             return problem, k
         for i in range(count):
             found[k, i] = memory[places[i]]
         for i in range(3):
-            found[k, count + i] = answer[i]
+            found[k, count + i] = b.answer[i]
     memory[:] = rest
     return FINISHED, points.shape[0]
+
+
+def blocks_of(resource: NativeResource, server: str, names: Sequence[str]) -> Blocks:
+    """Blocks that answer the messages of a motion controller.
+
+    Args:
+        resource: the blocks, in machine code.
+        server: the SERVER block that receives a sample as `closed_loop` says, and answers with volts.
+        names: the variables, of type LREAL, whose places are given.
+    """
+    places = np.array([resource.offset(name) // 8 for name in names])
+    function, memory = resource.function(f"exchange__{server}"), resource.numbers()
+    return Blocks(function, resource.address, np.zeros(32, np.uint8), np.empty(3), memory, places)
 
 
 class TickResponses:
@@ -165,17 +190,12 @@ class TickResponses:
     """
 
     def __init__(self, blocks: NativeResource, server: str, names: Sequence[str]) -> None:
-        self._blocks = blocks
-        self._server = server
-        self._function = blocks.function(f"exchange__{server}")
-        self._memory = blocks.numbers()
-        self._places = np.array([blocks.offset(name) // 8 for name in names])
-        self._request = np.zeros(32, np.uint8)
-        self._answer = np.empty(3)
+        self._resource, self._server = blocks, server
+        self._blocks = blocks_of(blocks, server, names)
 
     def values(self) -> Array:
         """The values of the variables, (n,)."""
-        return self._memory[self._places]
+        return self._blocks.memory[self._blocks.places]
 
     def after(self, carries: bool, points: Array) -> Array:
         """The variables after a tick, all from the state in which the blocks are and stay.
@@ -191,37 +211,10 @@ class TickResponses:
             FunctionBlockError: a block failed. CommunicationError: the blocks did not answer.
         """
         found = np.empty(points.shape)
-        self._request[25] = carries
-        problem, _ = _responses(
-            self._function,
-            self._blocks.address,
-            self._request,
-            self._answer,
-            self._memory,
-            self._memory.copy(),
-            self._places,
-            points,
-            found,
-        )
-        self._blocks.check(problem, self._server)
+        self._blocks.request[25] = carries
+        problem, _ = _responses(self._blocks, self._blocks.memory.copy(), points, found)
+        self._resource.check(problem, self._server)
         return found
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Motion:
-    """What a motion comes to; sample k is at k times 10 ms.
-
-    Attributes:
-        states: (N + 1, 6), true angles (rad), then velocities (rad/s).
-        measured: (N, 3), angles that the encoders measure, rad.
-        path: (N, 3), desired angles, rad.
-        volts: (N, 3), voltages, V.
-    """
-
-    states: Array
-    measured: Array
-    path: Array
-    volts: Array
 
 
 class CompiledLoop:
@@ -235,14 +228,9 @@ class CompiledLoop:
     """
 
     def __init__(self, blocks: NativeResource, server: str, path: Sequence[str], substeps: int) -> None:
-        self._blocks = blocks
-        self._substeps = substeps
-        self._server = server
-        self._function = blocks.function(f"exchange__{server}")
-        self._memory = blocks.numbers()
-        self._watched = np.array([blocks.offset(name) // 8 for name in path])
-        self._request = np.zeros(32, np.uint8)
-        self._answer = np.empty(3)
+        self._resource, self._server = blocks, server
+        self._blocks = blocks_of(blocks, server, path)
+        self._steps = Steps(PERIOD, substeps, COULOMB_WIDTH)
 
     def run(
         self,
@@ -269,31 +257,13 @@ class CompiledLoop:
             DivergenceError: the state of the arm is no longer finite.
             FunctionBlockError: a block failed. CommunicationError: the blocks did not answer.
         """
-        states = np.empty((ticks + 1, 6))
-        states[0] = start
-        measured, path, volts = np.empty((ticks, 3)), np.empty((ticks, 3)), np.empty((ticks, 3))
-        self._request[25] = carries
-        problem, tick = closed_loop(
-            self._function,
-            self._blocks.address,
-            self._request,
-            self._answer,
-            self._memory,
-            self._watched,
-            noise,
-            np.array(arm.vector()),
-            float(payload),
-            PERIOD,
-            self._substeps,
-            is_weight_only(payload_model),
-            COULOMB_WIDTH,
-            states,
-            measured,
-            path,
-            volts,
-        )
+        motion = Motion(np.empty((ticks + 1, 6)), np.empty((ticks, 3)), np.empty((ticks, 3)), np.empty((ticks, 3)))
+        motion.states[0] = start
+        self._blocks.request[25] = carries
+        loaded = LoadedArm(np.array(arm.vector()), float(payload), is_weight_only(payload_model))
+        problem, tick = closed_loop(self._blocks, noise, loaded, self._steps, motion)
         if problem == DIVERGED:
-            raise DivergenceError("what-if simulation", tick * PERIOD, states[tick])
+            raise DivergenceError("what-if simulation", tick * PERIOD, motion.states[tick])
         if problem != FINISHED:
-            self._blocks.check(problem, self._server)
-        return Motion(states, measured, path, volts)
+            self._resource.check(problem, self._server)
+        return motion

@@ -104,7 +104,7 @@ def machine_rollout(vector: Array, state0: ArrayLike, volts: Array, payload: Arr
     states = np.empty((len(volts) + 1, 6))
     states[0] = state0
     acting = np.full(3, np.nan)
-    reached = integrate_machine(vector, volts, payload, PERIOD, SUBSTEP, WIDTH, 0, acting, states)
+    reached = integrate_machine(vector, volts, payload, Steps(), 0, acting, states)
     if reached < len(volts):
         raise DivergenceError("rollout of the twin with effects", reached * PERIOD, states[reached])
     q = states[:, :3]
@@ -289,19 +289,33 @@ class Portion(NamedTuple):
     lagging: JointVector
 
 
+class Steps(NamedTuple):
+    """How a motion is integrated.
+
+    Attributes:
+        period: time between samples, s.
+        longest: largest integration step, s.
+        width: velocity over which dry friction changes sign, rad/s.
+    """
+
+    period: float = PERIOD
+    longest: float = SUBSTEP
+    width: float = WIDTH
+
+
 @kernel(inlined=True)
-def portion(p: Array, volts: Array, k: int, part: int, has: Regime, period: float, substep: float) -> Portion:
+def portion(p: Array, volts: Array, k: int, part: int, has: Regime, steps: Steps) -> Portion:
     """The part of sample k before its command arrives (0), or that from then on (1); as for `integrate_machine`."""
-    span = period - has.later if part else has.later
+    span = steps.period - has.later if part else has.later
     u = volts[max(k - has.late - 1 + part, 0)]
     sag = 1.0 + p[_SAG] * (u[0] * u[0] + u[1] * u[1] + u[2] * u[2]) / (VOLTAGE_LIMIT * VOLTAGE_LIMIT)
     towards = _dead(u[0], p[_DEAD]) / sag, _dead(u[1], p[_DEAD + 1]) / sag, _dead(u[2], p[_DEAD + 2]) / sag
-    steps = math.ceil(span / substep - 1e-9) if span > 0.0 else 0
-    h = span / max(steps, 1)
+    count = math.ceil(span / steps.longest - 1e-9) if span > 0.0 else 0
+    h = span / max(count, 1)
     e1 = math.exp(-0.5 * h / p[_LAG]) if p[_LAG] > 0.0 else 0.0
     e2 = math.exp(-0.5 * h / p[_LAG + 1]) if p[_LAG + 1] > 0.0 else 0.0
     e3 = math.exp(-0.5 * h / p[_LAG + 2]) if p[_LAG + 2] > 0.0 else 0.0
-    return Portion(steps, h, towards, (e1, e2, e3))
+    return Portion(count, h, towards, (e1, e2, e3))
 
 
 @kernel(inlined=True)
@@ -321,21 +335,12 @@ def _after_friction(x: Sextuple, h: float, p: Array, c: Array, width: float) -> 
 
 @kernel(inlined=True)
 def _over_sample(
-    x: Sextuple,
-    v: JointVector,
-    volts: Array,
-    k: int,
-    torque: JointVector,
-    p: Array,
-    c: Array,
-    has: Regime,
-    period: float,
-    substep: float,
-    width: float,
+    x: Sextuple, v: JointVector, volts: Array, k: int, p: Array, c: Array, has: Regime, steps: Steps
 ) -> tuple[Sextuple, JointVector]:
     """The state and the voltages that act after sample k, a row of volts; arguments as for `integrate_machine`."""
+    torque, width = constant_torque(p), steps.width
     for part in range(2):
-        at = portion(p, volts, k, part, has, period, substep)
+        at = portion(p, volts, k, part, has, steps)
         h = at.h
         if at.steps and not math.isfinite(v[0]):
             v = at.u
@@ -355,15 +360,7 @@ def _over_sample(
 
 @kernel(uses=(dry_friction, dynamics, lanes))
 def integrate_machine(
-    p: Array,
-    volts: Array,
-    payload: Array,
-    period: float,
-    substep: float,
-    width: float,
-    first: int,
-    acting: Array,
-    states: Array,
+    p: Array, volts: Array, payload: Array, steps: Steps, first: int, acting: Array, states: Array
 ) -> int:
     """Integrates from states[0] and writes states[1:].
 
@@ -371,9 +368,7 @@ def integrate_machine(
         p: (78,), see MACHINE_NAMES.
         volts: (first + N, 3), V.
         payload: (first + N,), kg.
-        period: time between samples, s.
-        substep: largest integration step, s.
-        width: velocity over which dry friction changes sign, rad/s.
+        steps: how the motion is integrated.
         first: number of rows of volts that belong to the time before the start; late commands come from there.
         acting: (3,), voltages that act at the start, V; not a number if nobody knows, then those of the command. They
             are replaced by those that act at the end.
@@ -382,12 +377,12 @@ def integrate_machine(
     Returns:
         N, or the number of the last finite row when the next one is not finite.
     """
-    has, torque, c, x = regime(p, period), constant_torque(p), np.empty(15), states[0]
+    has, c, x = regime(p, steps.period), np.empty(15), states[0]
     state, v = (x[0], x[1], x[2], x[3], x[4], x[5]), (acting[0], acting[1], acting[2])
     for k in range(first, volts.shape[0]):
         if k == first or payload[k] != payload[k - 1]:
             constants(p, payload[k], c)
-        state, v = _over_sample(state, v, volts, k, torque, p, c, has, period, substep, width)
+        state, v = _over_sample(state, v, volts, k, p, c, has, steps)
         for i in range(6):
             states[k + 1 - first, i] = state[i]
         if not np.isfinite(states[k + 1 - first]).all():

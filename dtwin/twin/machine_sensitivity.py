@@ -33,6 +33,7 @@ from dtwin.twin.machine import (
     WIDTH,
     Array,
     Regime,
+    Steps,
     constant_torque,
     constants,
     derivative,
@@ -49,13 +50,20 @@ _load, _store = memory(_LANES)
 
 
 class _Seeds(NamedTuple):
-    """What is asked for, in lanes: 1 in that of a torque on each joint, and 1 in that of the payload, if it is."""
+    """What is asked for.
+
+    Attributes:
+        torque1, torque2, torque3, payload: lanes, 1 in that of a torque on each joint, and in that of the payload.
+        heavier: whether the payload is asked for.
+        more: (15,), by what `constants` change with the payload.
+    """
 
     torque1: Any
     torque2: Any
     torque3: Any
     payload: Any
     heavier: bool
+    more: Array
 
 
 @kernel(inlined=True)
@@ -164,15 +172,15 @@ def _by(s: _Slopes, dx: Any, rest: Any) -> Any:
 
 @kernel(inlined=True)
 def _changed(
-    x: Sextuple, k: Sextuple, dx: Any, v: JointVector, p: Array, c: Array, more: Array, has: Regime, seeds: _Seeds
+    x: Sextuple, k: Sextuple, dx: Any, v: JointVector, p: Array, c: Array, has: Regime, seeds: _Seeds
 ) -> Any:
     """The change, in Lanes, of the derivative k of a state x that changes by dx."""
     d = directions(x[0], x[1], x[2])
     r1, r2, r3 = _turning(d, x, k[3:], v, p, c, has)
     t1, t2, t3 = seeds.torque1, seeds.torque2, seeds.torque3
     if seeds.heavier:
-        h, g = forces(d, x[3], x[4], x[5], more)
-        m = _weighed(mass(d, more), k[3:])
+        h, g = forces(d, x[3], x[4], x[5], seeds.more)
+        m = _weighed(mass(d, seeds.more), k[3:])
         t1 = fused(-(h[0] + g[0] + m[0]), seeds.payload, t1)
         t2 = fused(-(h[1] + g[1] + m[1]), seeds.payload, t2)
         t3 = fused(-(h[2] + g[2] + m[2]), seeds.payload, t3)
@@ -181,9 +189,7 @@ def _changed(
 
 
 @kernel(inlined=True)
-def _rubbed(
-    x: Sextuple, dx: Any, h: float, p: Array, c: Array, more: Array, width: float, seeds: _Seeds
-) -> tuple[Sextuple, Any]:
+def _rubbed(x: Sextuple, dx: Any, h: float, p: Array, c: Array, width: float, seeds: _Seeds) -> tuple[Sextuple, Any]:
     """The state on which friction has acted for h seconds, and its change."""
     d = directions(x[0], x[1], x[2])
     M = mass(d, c)
@@ -193,7 +199,7 @@ def _rubbed(
     m12, m22, m32, m13, m23, m33 = _weighed_by_angles(d, c, lost)
     t1, t2, t3 = _weighed(M, dx[3:])
     if seeds.heavier:
-        m1, m2, m3 = _weighed(mass(d, more), lost)
+        m1, m2, m3 = _weighed(mass(d, seeds.more), lost)
         t1, t2, t3 = fused(m1, seeds.payload, t1), fused(m2, seeds.payload, t2), fused(m3, seeds.payload, t3)
     t1 = fused(m12, dx[1], fused(m13, dx[2], t1))
     t2 = fused(m22, dx[1], fused(m23, dx[2], t2))
@@ -224,34 +230,34 @@ def linearise_machine(p: Array, volts: Array, payload: float, acting: Array, sta
         more -= c
     for i in range(min(columns, 10)):
         rows[i, i] = 1.0
-    seeds = _Seeds(_load(rows, 6), _load(rows, 7), _load(rows, 8), _load(rows, 9), columns > 9)
+    seeds = _Seeds(_load(rows, 6), _load(rows, 7), _load(rows, 8), _load(rows, 9), columns > 9, more)
     x = state[0], state[1], state[2], state[3], state[4], state[5]
     dx = _load(rows, 0), _load(rows, 1), _load(rows, 2), _load(rows, 3), _load(rows, 4), _load(rows, 5)
     v, has, torque = (acting[0], acting[1], acting[2]), regime(p, PERIOD), constant_torque(p)
     for part in range(2):
-        at = portion(p, volts, volts.shape[0] - 1, part, has, PERIOD, SUBSTEP)
+        at = portion(p, volts, volts.shape[0] - 1, part, has, Steps(PERIOD, SUBSTEP, WIDTH))
         h = at.h
         if at.steps and not math.isfinite(v[0]):
             v = at.u
         for step in range(at.steps):
             if has.dry:
-                x, dx = _rubbed(x, dx, h if step else 0.5 * h, p, c, more, WIDTH, seeds)
+                x, dx = _rubbed(x, dx, h if step else 0.5 * h, p, c, WIDTH, seeds)
             start, middle, v = lagged(v, at)
             k1 = derivative(x, start, torque, p, c, has)
-            d1 = _changed(x, k1, dx, start, p, c, more, has, seeds)
+            d1 = _changed(x, k1, dx, start, p, c, has, seeds)
             y, dy = along(x, 0.5 * h, k1), along(dx, 0.5 * h, d1)
             k2 = derivative(y, middle, torque, p, c, has)
-            d2 = _changed(y, k2, dy, middle, p, c, more, has, seeds)
+            d2 = _changed(y, k2, dy, middle, p, c, has, seeds)
             y, dy = along(x, 0.5 * h, k2), along(dx, 0.5 * h, d2)
             k3 = derivative(y, middle, torque, p, c, has)
-            d3 = _changed(y, k3, dy, middle, p, c, more, has, seeds)
+            d3 = _changed(y, k3, dy, middle, p, c, has, seeds)
             y, dy = along(x, h, k3), along(dx, h, d3)
             k4 = derivative(y, v, torque, p, c, has)
-            d4 = _changed(y, k4, dy, v, p, c, more, has, seeds)
+            d4 = _changed(y, k4, dy, v, p, c, has, seeds)
             x = along(x, h / 6.0, along(along(k1, 2.0, along(k2, 1.0, k3)), 1.0, k4))
             dx = along(dx, h / 6.0, along(along(d1, 2.0, along(d2, 1.0, d3)), 1.0, d4))
         if has.dry and at.steps:
-            x, dx = _rubbed(x, dx, 0.5 * h, p, c, more, WIDTH, seeds)
+            x, dx = _rubbed(x, dx, 0.5 * h, p, c, WIDTH, seeds)
     for i in range(6):
         state[i] = x[i]
         _store(rows, i, dx[i])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,6 +15,20 @@ from dtwin.twin.compiled import kernel
 from dtwin.twin.dynamics import Array, advance, coefficients, held_torque, integrate
 
 _WEIGHT_ONLY: Final = {"point": False, "weight": True}
+
+
+class Steps(NamedTuple):
+    """How a motion is integrated.
+
+    Attributes:
+        period: time between samples, s.
+        substeps: number of RK4 steps per sample.
+        width: velocity over which Coulomb friction changes sign, rad/s.
+    """
+
+    period: float
+    substeps: int
+    width: float
 
 
 def rollout(

@@ -6,23 +6,24 @@ with `rollout` to rounding. With r(q, w, a) = M a + h + g + friction - K u = 0, 
     da = -M^-1 (r_q dq + r_w dw + r_c dc)
 
 in every Runge-Kutta stage. c are the `Coefficients` of `dtwin.twin.dynamics`, dc their derivatives by the column's
-parameter. The kernels call none of another file, so that numba notices every edit they depend on.
+parameter.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from dtwin.errors import DivergenceError, ParameterError, choices
-from dtwin.parameters import COULOMB_WIDTH, PARAMETER_NAMES, PERIOD, VOLTAGE_LIMIT, ArmParameters
+from dtwin.parameters import COULOMB_WIDTH, PARAMETER_NAMES, PERIOD, VOLTAGE_LIMIT, ArmParameters, JointVector
+from dtwin.twin import rollout
 from dtwin.twin.compiled import kernel
-from dtwin.twin.dynamics import Array, Coefficients, coefficients
-from dtwin.twin.rollout import PayloadModel, check_stepping, checked_array, checked_payload, is_weight_only
+from dtwin.twin.dynamics import Array, Coefficients, Sextuple, coefficients
+from dtwin.twin.rollout import PayloadModel, Steps, check_stepping, checked_array, checked_payload, is_weight_only
 
 STATE_NAMES: Final = ("theta1", "theta2", "theta3", "omega1", "omega2", "omega3")
 """Names of the initial state: angles in rad, then velocities in rad/s."""
@@ -85,9 +86,8 @@ def sensitivities(
     derivatives = np.empty((*states.shape, len(with_respect_to)))
     states[0], derivatives[0] = start, of_state
     limited = np.clip(commands, -VOLTAGE_LIMIT, VOLTAGE_LIMIT)
-    reached = integrate_linearised(
-        held, moved, level_of, limited, period, substeps, coulomb_width, states, derivatives
-    )
+    steps = Steps(period, substeps, coulomb_width)
+    reached = integrate_linearised(held, moved, level_of, limited, steps, states, derivatives)
     if reached < commands.shape[0]:
         raise DivergenceError("sensitivities of the analytic twin", reached * period, states[reached])
     return states, derivatives
@@ -99,41 +99,72 @@ def _direction(name: str) -> Array:
     return np.array([float(name == other) for other in COLUMN_NAMES])
 
 
-@kernel
-def _linearise(x: Array, c: Array, u: Array, width: float, coulomb: bool, a: Array, slope: Array) -> None:
-    """Writes the acceleration a (3,) and its derivatives slope (3, 24) by q, omega and the 18 coefficients c."""
-    q1, q2, q3, w1, w2, w3 = x[0], x[1], x[2], x[3], x[4], x[5]
-    J1, J2, J3, A, B, E, G1, G2, G3 = c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], c[8]
+class _Pose(NamedTuple):
+    """Sines and cosines of sums of angles, 23 for q2 + q3, and the directions t of the joints in dry friction."""
+
+    s2: float
+    c2: float
+    s3: float
+    c3: float
+    s23: float
+    c23: float
+    c1: float
+    c12: float
+    c123: float
+    t1: float
+    t2: float
+    t3: float
+
+
+@kernel(inlined=True)
+def _pose(x: Array, width: float, coulomb: bool) -> _Pose:
+    q1, q2, q3 = x[0], x[1], x[2]
     s2, c2, s3, c3 = math.sin(q2), math.cos(q2), math.sin(q3), math.cos(q3)
     s23, c23 = math.sin(q2 + q3), math.cos(q2 + q3)
     c1, c12, c123 = math.cos(q1), math.cos(q1 + q2), math.cos(q1 + q2 + q3)
     t1, t2, t3 = 0.0, 0.0, 0.0
     if coulomb:
-        t1, t2, t3 = math.tanh(w1 / width), math.tanh(w2 / width), math.tanh(w3 / width)
+        t1, t2, t3 = math.tanh(x[3] / width), math.tanh(x[4] / width), math.tanh(x[5] / width)
+    return _Pose(s2, c2, s3, c3, s23, c23, c1, c12, c123, t1, t2, t3)
 
-    w12, w123 = w1 + w2, w1 + w2 + w3
+
+@kernel(inlined=True)
+def _torques(x: Array, c: Array, u: Array, at: _Pose) -> JointVector:
+    """What turns the joints, M a, N m."""
+    w1, w2, w3, w12 = x[3], x[4], x[5], x[3] + x[4]
     P, R, Q, S = w2 * (w2 + 2.0 * w1), w3 * (w3 + 2.0 * w12), w1 * w1, w12 * w12
-    sA, sB, sE, gA, gB, gE = A * s2, B * s23, E * s3, A * c2, B * c23, E * c3
-    g3 = G3 * c123
-    g2 = g3 + G2 * c12
-    r1 = c[9] * u[0] - c[12] * w1 - c[15] * t1 + sA * P + sB * (P + R) + sE * R - g2 - G1 * c1
-    r2 = c[10] * u[1] - c[13] * w2 - c[16] * t2 - sA * Q - sB * Q + sE * R - g2
-    r3 = c[11] * u[2] - c[14] * w3 - c[17] * t3 - sB * Q - sE * S - g3
+    sA, sB, sE = c[3] * at.s2, c[4] * at.s23, c[5] * at.s3
+    g3 = c[8] * at.c123
+    g2 = g3 + c[7] * at.c12
+    return (
+        c[9] * u[0] - c[12] * w1 - c[15] * at.t1 + sA * P + sB * (P + R) + sE * R - g2 - c[6] * at.c1,
+        c[10] * u[1] - c[13] * w2 - c[16] * at.t2 - sA * Q - sB * Q + sE * R - g2,
+        c[11] * u[2] - c[14] * w3 - c[17] * at.t3 - sB * Q - sE * S - g3,
+    )
 
-    # M^-1 by cofactors; the primal agrees with the factorised solution of the rollout to rounding.
+
+@kernel(inlined=True)
+def _inverse(c: Array, at: _Pose) -> Sextuple:
+    """The entries 11, 21, 31, 22, 32, 33 of M^-1 by cofactors; the primal agrees with the factorised solution of the
+    rollout to rounding."""
+    J1, J2, J3, gA, gB, gE = c[0], c[1], c[2], c[3] * at.c2, c[4] * at.c23, c[5] * at.c3
     M33, M32, M22 = J3, J3 + gE, J2 + J3 + 2.0 * gE
     M31, M21, M11 = M32 + gB, M22 + gA + gB, J1 + J2 + J3 + 2.0 * (gA + gB + gE)
     n11, n21, n31 = M22 * M33 - M32 * M32, M31 * M32 - M21 * M33, M21 * M32 - M31 * M22
     scale = 1.0 / (M11 * n11 + M21 * n21 + M31 * n31)
-    n11, n21, n31 = n11 * scale, n21 * scale, n31 * scale
-    n22, n32 = (M11 * M33 - M31 * M31) * scale, (M21 * M31 - M11 * M32) * scale
-    n33 = (M11 * M22 - M21 * M21) * scale
-    a1 = n11 * r1 + n21 * r2 + n31 * r3
-    a2 = n21 * r1 + n22 * r2 + n32 * r3
-    a3 = n31 * r1 + n32 * r2 + n33 * r3
-    a[0], a[1], a[2] = a1, a2, a3
+    n22, n32, n33 = M11 * M33 - M31 * M31, M21 * M31 - M11 * M32, M11 * M22 - M21 * M21
+    return n11 * scale, n21 * scale, n31 * scale, n22 * scale, n32 * scale, n33 * scale
 
-    # Rows of -dr, first by the coefficients A, B, E, then by the angles they depend on.
+
+@kernel(inlined=True)
+def _rows(x: Array, c: Array, u: Array, width: float, a: JointVector, at: _Pose) -> Any:
+    """Rows of -dr for held accelerations a, by q, omega and the coefficients."""
+    q1, q2, q3, w1, w2, w3 = x[0], x[1], x[2], x[3], x[4], x[5]
+    (a1, a2, a3), (t1, t2, t3), s2, c2, s3, c3, s23, c23 = a, at[9:], at.s2, at.c2, at.s3, at.c3, at.s23, at.c23
+    A, B, E, w12, w123 = c[3], c[4], c[5], w1 + w2, w1 + w2 + w3
+    P, R, Q, S = w2 * (w2 + 2.0 * w1), w3 * (w3 + 2.0 * w12), w1 * w1, w12 * w12
+    sA, sB, sE, gA, gB, gE = A * s2, B * s23, E * s3, A * c2, B * c23, E * c3
+    # First by the coefficients A, B, E, then by the angles they depend on.
     b1, b2, b3 = 2.0 * a1 + a2, 2.0 * a1 + a2 + a3, 2.0 * (a1 + a2) + a3
     A1, A2 = s2 * P - c2 * b1, -c2 * a1 - s2 * Q
     B1, B2 = s23 * (P + R) - c23 * b2, -c23 * a1 - s23 * Q
@@ -141,16 +172,15 @@ def _linearise(x: Array, c: Array, u: Array, width: float, coulomb: bool, a: Arr
     dA1, dA2 = gA * P + sA * b1, sA * a1 - gA * Q
     dB1, dB2 = gB * (P + R) + sB * b2, sB * a1 - gB * Q
     dE1, dE3 = gE * R + sE * b3, sE * (a1 + a2) - gE * S
-    h3 = G3 * math.sin(q1 + q2 + q3)
-    h2 = h3 + G2 * math.sin(q1 + q2)
-    h1 = h2 + G1 * math.sin(q1)
+    h3 = c[8] * math.sin(q1 + q2 + q3)
+    h2 = h3 + c[7] * math.sin(q1 + q2)
+    h1 = h2 + c[6] * math.sin(q1)
     v1 = c[12] + c[15] * (1.0 - t1 * t1) / width
     v2 = c[13] + c[16] * (1.0 - t2 * t2) / width
     v3 = c[14] + c[17] * (1.0 - t3 * t3) / width
-    p, r = 2.0 * (sA + sB), 2.0 * (sB + sE)
-    e = 2.0 * sE
+    p, r, e = 2.0 * (sA + sB), 2.0 * (sB + sE), 2.0 * sE
     d12, d123 = -(a1 + a2), -(a1 + a2 + a3)
-    rows = (
+    return (
         (h1, h2, h3),
         (h2 + dA1 + dB1, h2 + dA2 + dB2, h3 + dB2),
         (h3 + dB1 + dE1, h3 + dB2 + dE1, h3 + dB2 + dE3),
@@ -163,9 +193,9 @@ def _linearise(x: Array, c: Array, u: Array, width: float, coulomb: bool, a: Arr
         (A1, A2, 0.0),
         (B1, B2, B2),
         (E1, E1, E3),
-        (-c1, 0.0, 0.0),
-        (-c12, -c12, 0.0),
-        (-c123, -c123, -c123),
+        (-at.c1, 0.0, 0.0),
+        (-at.c12, -at.c12, 0.0),
+        (-at.c123, -at.c123, -at.c123),
         (u[0], 0.0, 0.0),
         (0.0, u[1], 0.0),
         (0.0, 0.0, u[2]),
@@ -176,6 +206,18 @@ def _linearise(x: Array, c: Array, u: Array, width: float, coulomb: bool, a: Arr
         (0.0, -t2, 0.0),
         (0.0, 0.0, -t3),
     )
+
+
+@kernel
+def _linearise(x: Array, c: Array, u: Array, width: float, coulomb: bool, a: Array, slope: Array) -> None:
+    """Writes the acceleration a (3,) and its derivatives slope (3, 24) by q, omega and the 18 coefficients c."""
+    at = _pose(x, width, coulomb)
+    r1, r2, r3 = _torques(x, c, u, at)
+    n11, n21, n31, n22, n32, n33 = _inverse(c, at)
+    a[0] = n11 * r1 + n21 * r2 + n31 * r3
+    a[1] = n21 * r1 + n22 * r2 + n32 * r3
+    a[2] = n31 * r1 + n32 * r2 + n33 * r3
+    rows = _rows(x, c, u, width, (a[0], a[1], a[2]), at)
     for k in range(24):
         y1, y2, y3 = rows[k]
         slope[0, k] = n11 * y1 + n21 * y2 + n31 * y3
@@ -199,15 +241,13 @@ def _multiply_row(row: Array, z: Array, out: Array) -> None:
             )
 
 
-@kernel
+@kernel(uses=(rollout,))
 def integrate_linearised(
     held: Array,
     moved: Array,
     level_of: Any,
     volts: Array,
-    period: float,
-    substeps: int,
-    width: float,
+    steps: Steps,
     states: Array,
     derivatives: Array,
 ) -> int:
@@ -218,9 +258,7 @@ def integrate_linearised(
         moved: (L, 18, n), derivatives of these coefficients by the quantities that the n columns stand for.
         level_of: (N,), number of the payload that holds in each sample.
         volts: (N, 3), voltages within the limit, V.
-        period: time between samples, s.
-        substeps: number of RK4 steps per sample.
-        width: velocity over which Coulomb friction changes sign, rad/s.
+        steps: how the motion is integrated.
         states: (N + 1, 6), angles in rad, then velocities in rad/s; row 0 is the start.
         derivatives: (N + 1, 6, n), derivatives of the states; row 0 holds those of the start.
 
@@ -228,7 +266,7 @@ def integrate_linearised(
         The number of the last row that is finite: N when all are.
     """
     samples, columns = volts.shape[0], derivatives.shape[2]
-    step = period / substeps
+    step = steps.period / steps.substeps
     ahead = (0.5 * step, 0.5 * step, step, 0.0)
     share = (step / 6.0, step / 3.0, step / 3.0, step / 6.0)
     coulomb = bool(np.any(held[:, 15:]) or np.any(moved[:, 15:]))
@@ -240,10 +278,10 @@ def integrate_linearised(
     for sample in range(samples):
         c, u = held[level_of[sample]], volts[sample]
         z[6:] = moved[level_of[sample]]
-        for _ in range(substeps):
+        for _ in range(steps.substeps):
             x_stage[:], x_end[:], z[:6], s_end[:] = x, x, s, s
             for stage in range(4):
-                _linearise(x_stage, c, u, width, coulomb, a, slope)
+                _linearise(x_stage, c, u, steps.width, coulomb, a, slope)
                 for i in range(3):
                     _multiply_row(slope[i], z, da[i])
                     x_end[i] += share[stage] * x_stage[3 + i]

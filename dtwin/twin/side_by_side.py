@@ -8,70 +8,76 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.errors import DivergenceError
 from dtwin.parameters import COULOMB_WIDTH, PERIOD, ArmParameters, PayloadModel
-from dtwin.twin import dynamics, lanes
-from dtwin.twin.closed_loop import DIVERGED, FINISHED, Motion, exchange
+from dtwin.twin import closed_loop, dynamics, lanes, rollout
+from dtwin.twin.closed_loop import DIVERGED, FINISHED, LoadedArm, Motion, exchange
 from dtwin.twin.compiled import kernel
 from dtwin.twin.dynamics import Array, Coefficients, clipped, coefficients, runge_kutta
 from dtwin.twin.lanes import WIDTH, load, store
-from dtwin.twin.rollout import is_weight_only
+from dtwin.twin.rollout import Steps, is_weight_only
 from iec61499.native.resource import NativeResource
 
 _K: Final = Coefficients._fields.index("K1")
 _MU: Final = Coefficients._fields.index("mu1")
 
 
-@kernel(nogil=True, uses=(dynamics, lanes))
+class Controllers(NamedTuple):
+    """J motion controllers in machine code.
+
+    Attributes:
+        function: address of their function.
+        units: (J, M), their states.
+        requests: (J, 32), messages as for `closed_loop`.
+        answer: (3,), room for an answer.
+        places: (3,), places in a row of `units` of the desired angles, rad.
+    """
+
+    function: int
+    units: Array
+    requests: NDArray[np.uint8]
+    answer: Array
+    places: NDArray[np.int64]
+
+
+@kernel(inlined=True)
+def _loaded(arms: LoadedArm, count: int) -> Array:
+    """The coefficients of arms, one a lane, (18, WIDTH); lanes that are left over have those of the first."""
+    c = np.empty((18, WIDTH))
+    for lane in range(WIDTH):
+        job = lane if lane < count else 0
+        found = coefficients(arms.parameters[job], arms.payload[job], arms.weight_only[job])
+        for i, value in enumerate(found):
+            c[i, lane] = value
+    return c
+
+
+@kernel(nogil=True, uses=(closed_loop, dynamics, lanes, rollout))
 def closed_loops(
-    function: int,
-    units: Array,
-    requests: NDArray[np.uint8],
-    answer: Array,
-    watched: NDArray[np.int64],
-    noise: Array,
-    p: Array,
-    payload: Array,
-    weight_only: NDArray[np.bool_],
-    period: float,
-    substeps: int,
-    width: float,
-    states: Array,
-    samples: Array,
-    path: Array,
-    volts: Array,
-    ends: NDArray[np.int64],
+    controllers: Controllers, noise: Array, arms: LoadedArm, steps: Steps, motions: Motion, ends: NDArray[np.int64]
 ) -> None:
     """Lets J controllers move as many arms, at most `WIDTH`, each as `closed_loop` does with one.
 
     Args:
-        function: address of the controllers' function.
-        units: (J, M), the states of the controllers.
-        requests: (J, 32), messages as for `closed_loop`.
-        answer: (3,), room for an answer.
-        watched: (3,), places in a row of `units` of the desired angles, rad.
+        controllers: the controllers.
         noise: (J, N, 3), what the encoders add to the angles, rad.
-        p: (J, 21), parameters of the arms.
-        payload: (J,), masses at the tips, kg.
-        weight_only: (J,), payload models.
-        period, substeps, width: as for `integrate`.
-        states: (J, N + 1, 6), angles in rad, then velocities in rad/s; of each the first row is the start.
-        samples, path, volts: (J, N, 3), as for `closed_loop`.
+        arms: the arms, one a row.
+        steps: how their motions are integrated.
+        motions: receives the motions, one a row; the first states of each are where it starts.
         ends: (J, 2), receives what `closed_loop` returns.
     """
+    states, samples, path, volts = motions.states, motions.measured, motions.path, motions.volts
+    units, requests, answer = controllers.units, controllers.requests, controllers.answer
     count, ticks = samples.shape[0], samples.shape[1]
-    c, x, torque = np.empty((18, WIDTH)), np.empty((6, WIDTH)), np.zeros((3, WIDTH))
+    c, x, torque = _loaded(arms, count), np.empty((6, WIDTH)), np.zeros((3, WIDTH))
     for lane in range(WIDTH):
-        job = lane if lane < count else 0
-        for i, value in enumerate(coefficients(p[job], payload[job], weight_only[job])):
-            c[i, lane] = value
         for i in range(6):
-            x[i, lane] = states[job, 0, i]
+            x[i, lane] = states[lane if lane < count else 0, 0, i]
     arm = Coefficients(
         *(load(c, 0), load(c, 1), load(c, 2), load(c, 3), load(c, 4), load(c, 5)),
         *(load(c, 6), load(c, 7), load(c, 8), load(c, 9), load(c, 10), load(c, 11)),
@@ -79,7 +85,7 @@ def closed_loops(
     )
     rubs = bool(np.any(c[_MU:] != 0.0))
     ends[:, 0], ends[:, 1] = FINISHED, ticks
-    angles = requests.view(np.float64)
+    angles, step = requests.view(np.float64), steps.period / steps.substeps
     unit, request, answered = units.ctypes.data, requests.ctypes.data, answer.ctypes.data
     for k in range(ticks):
         for job in range(count):
@@ -89,22 +95,22 @@ def closed_loops(
                 angles[job, i] = samples[job, k, i] = states[job, k, i] + noise[job, k, i]
             requests[job, 24] = k == 0
             place = unit + 8 * job * units.shape[1]
-            ends[job, 0] = exchange(function, place, request + job * requests.shape[1], answered)
+            ends[job, 0] = exchange(controllers.function, place, request + job * requests.shape[1], answered)
             if ends[job, 0] != FINISHED:
                 ends[job, 1] = k
                 continue
             for i in range(3):
                 volts[job, k, i] = answer[i]
-                path[job, k, i] = units[job, watched[i]]
+                path[job, k, i] = units[job, controllers.places[i]]
                 torque[i, job] = c[_K + i, job] * clipped(answer[i])
         state = (load(x, 0), load(x, 1), load(x, 2), load(x, 3), load(x, 4), load(x, 5))
         held = (load(torque, 0), load(torque, 1), load(torque, 2))
         if rubs:
-            for _ in range(substeps):
-                state = runge_kutta(state, held, arm, width, period / substeps, True)
+            for _ in range(steps.substeps):
+                state = runge_kutta(state, held, arm, steps.width, step, True)
         else:
-            for _ in range(substeps):
-                state = runge_kutta(state, held, arm, width, period / substeps, False)
+            for _ in range(steps.substeps):
+                state = runge_kutta(state, held, arm, steps.width, step, False)
         for i, value in enumerate(state):
             store(x, i, value)
         for job in range(count):
@@ -148,10 +154,10 @@ class SideBySide:
 
     def __init__(self, blocks: NativeResource, server: str, path: Sequence[str], substeps: int) -> None:
         self._blocks = blocks
-        self._substeps = substeps
         self._server = server
+        self._steps = Steps(PERIOD, substeps, COULOMB_WIDTH)
         self._function = blocks.function(f"exchange__{server}")
-        self._watched = np.array([blocks.offset(name) // 8 for name in path])
+        self._places = np.array([blocks.offset(name) // 8 for name in path])
 
     def run(self, motions: Sequence[Begun], ticks: int) -> Iterator[Motion]:
         """Simulates motions of N ticks, `WIDTH` at a time, and gives them in their order.
@@ -168,37 +174,24 @@ class SideBySide:
         units = np.array([motion.unit for motion in motions])
         requests = np.zeros((count, 32), np.uint8)
         requests[:, 25] = [motion.carries for motion in motions]
-        states = np.empty((count, ticks + 1, 6))
-        states[:, 0] = [motion.start for motion in motions]
+        found = Motion(np.empty((count, ticks + 1, 6)), *(np.empty((count, ticks, 3)) for _ in range(3)))
+        found.states[:, 0] = [motion.start for motion in motions]
         noise = np.full((count, ticks, 3), -0.0)  # which changes nothing that it is added to, not even a sign
         for job, motion in enumerate(motions):
             if len(motion.noise):
                 noise[job] = motion.noise
-        measured, path, volts = (np.empty((count, ticks, 3)) for _ in range(3))
-        ends: NDArray[np.int64] = np.empty((count, 2), np.int64)
-        closed_loops(
-            self._function,
-            units,
-            requests,
-            np.empty(3),
-            self._watched,
-            noise,
+        arms = LoadedArm(
             np.array([motion.arm.vector() for motion in motions]),
             np.array([float(motion.payload) for motion in motions]),
             np.array([is_weight_only(motion.payload_model) for motion in motions]),
-            PERIOD,
-            self._substeps,
-            COULOMB_WIDTH,
-            states,
-            measured,
-            path,
-            volts,
-            ends,
         )
+        ends: NDArray[np.int64] = np.empty((count, 2), np.int64)
+        controllers = Controllers(self._function, units, requests, np.empty(3), self._places)
+        closed_loops(controllers, noise, arms, self._steps, found, ends)
         for job, (problem, tick) in enumerate(ends.tolist()):
             if problem == DIVERGED:
-                raise DivergenceError("what-if simulation", tick * PERIOD, states[job, tick])
+                raise DivergenceError("what-if simulation", tick * PERIOD, found.states[job, tick])
             if problem != FINISHED:
                 self._blocks.restore(units[job].tobytes())
                 self._blocks.check(problem, self._server)
-            yield Motion(states[job], measured[job], path[job], volts[job])
+            yield Motion(*(each[job] for each in found))

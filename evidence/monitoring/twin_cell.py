@@ -33,7 +33,8 @@ from dtwin.parameters import (
 )
 from dtwin.signals import NO_COLOUR, BoxCounts
 from dtwin.task import DEFAULT_TASK
-from dtwin.twin.cell_loop import DIVERGED, work
+from dtwin.twin.cell_loop import DIVERGED, Course, Device, Disturbed, State, work
+from dtwin.twin.closed_loop import Blocks
 from dtwin.twin.effects import Effects
 from dtwin.twin.kinematics import forward
 from dtwin.twin.machine import MACHINE_NAMES, machine_of_vector
@@ -80,12 +81,8 @@ class _Blocks:
 
     Attributes:
         resource: the blocks.
-        server: the block that takes samples and gives commands.
-        function: address of the function that exchanges a sample for a command.
-        memory: numbers of all blocks, in which `watched` are the places of the path.
         verdicts: the block that takes verdicts.
         stop: gives the stop in force.
-        answer: room for an answer.
 
     Raises:
         NativeError: there is no machine code.
@@ -95,12 +92,16 @@ class _Blocks:
         resource = EmbeddedController(control).resource
         if not isinstance(resource, NativeResource):
             raise NativeError("a cell of the twin: expected a controller in machine code")
-        self.resource, self.server = resource, resource.server(EMULATOR.block)
-        self.function = resource.function(f"exchange__{EMULATOR.block}")
-        self.memory = resource.numbers()
-        self.watched = np.array([resource.offset(name) // 8 for name in PATH])
+        self.resource, self._server = resource, resource.server(EMULATOR.block)
+        function, memory = resource.function(f"exchange__{EMULATOR.block}"), resource.numbers()
+        places, answer = np.array([resource.offset(name) // 8 for name in PATH]), np.zeros(40, np.uint8)
+        self._arrays = Blocks(function, resource.address, np.zeros(0, np.uint8), answer, memory, places)
         self.verdicts, self.stop = resource.server(VERDICT.block), resource.reader((STOP,))
-        self.answer = np.zeros(40, np.uint8)
+
+    def told(self, present: bool, colour: str) -> Blocks:
+        """What a kernel needs of them while a box waits or not."""
+        request = self._server.requests([(0.0, 0.0, 0.0, 0.0, present, colour)])[0]
+        return self._arrays._replace(request=request)
 
 
 class TwinCell:
@@ -125,28 +126,30 @@ class TwinCell:
         values = truth_of(machine, ArmParameters())
         for name, most in STRANGE.items():
             values |= {f"{name}{joint}": drawn.uniform(-most, most) for joint in (1, 2, 3)}
-        self._vector = np.array([values[name] for name in MACHINE_NAMES])
+        vector = np.array([values[name] for name in MACHINE_NAMES])
         self.arm = machine.arm(ArmParameters())
         sensing, bits = machine.sensing, machine.drive.bits
         quantum = math.tau / 2**sensing.bits if sensing.bits else 0.0
-        self._resolution = np.array([2.0 * VOLTAGE_LIMIT / 2**bits if bits else 0.0, quantum])
+        resolution = np.array([2.0 * VOLTAGE_LIMIT / 2**bits if bits else 0.0, quantum])
         boxes, errors, losses = map(np.random.default_rng, np.random.SeedSequence(seed).spawn(3))
         self._readings = _Readings(sensing.noise, sensing.loss_rate * PERIOD, errors, losses)
         self._boxes = Boxes(boxes, gripper, DEFAULT_TASK)
         self._blocks = _Blocks(control)
-        self._jaw = np.array(
-            [gripper.inertia, gripper.damping, gripper.voltage_constant, gripper.closed, gripper.opened]
+        jaw = np.array([gripper.inertia, gripper.damping, gripper.voltage_constant, gripper.closed, gripper.opened])
+        self._device = Device(vector, resolution, jaw)
+        self._state = State(
+            arm=np.array([*HANGING, 0.0, 0.0, 0.0]),
+            commands=np.zeros((math.floor(values["delay"] / PERIOD) + 2, 3)),
+            acting=np.full(3, np.nan),
+            fingers=np.array([gripper.opened, 0.0]),
         )
-        self._state, self._fingers = np.array([*HANGING, 0.0, 0.0, 0.0]), np.array([gripper.opened, 0.0])
-        self._commands = np.zeros((math.floor(values["delay"] / PERIOD) + 2, 3))
-        self._acting = np.full(3, np.nan)
         self._last, self._held = np.array([*HANGING, gripper.opened]), False
         self.ticks = 0
 
     @property
     def effects(self) -> Effects:
         """What the twin knows of the machine beside the parameters of its arm."""
-        return machine_of_vector(self._vector)[1]
+        return machine_of_vector(self._device.p)[1]
 
     @property
     def box_counts(self) -> BoxCounts:
@@ -184,30 +187,16 @@ class TwinCell:
             colour = waiting.colour if waiting else NO_COLOUR
             part = slice(done, min(count, done + self._tick_of(self._boxes.next_arrival) - self.ticks))
             made, problem = work(
-                blocks.function,
-                blocks.resource.address,
-                blocks.server.requests([(0.0, 0.0, 0.0, 0.0, waiting is not None, colour)])[0],
-                blocks.answer,
-                blocks.memory,
-                blocks.watched,
-                self._vector,
+                blocks.told(waiting is not None, colour),
+                self._device,
                 self._boxes.held.mass if self._boxes.held else 0.0,
-                self._resolution,
-                self._jaw,
-                noise[part],
-                lost[part],
+                Disturbed(noise[part], lost[part]),
                 self.ticks > 0,
                 self._state,
-                self._commands,
-                self._acting,
-                self._fingers,
-                measured[done : part.stop + 1],
-                path[part],
-                volts[part],
-                gripped[part],
+                Course(measured[done : part.stop + 1], path[part], volts[part], gripped[part]),
             )
             if problem == DIVERGED:
-                raise DivergenceError("cell of the twin", self.ticks * PERIOD, self._state)
+                raise DivergenceError("cell of the twin", self.ticks * PERIOD, self._state.arm)
             blocks.resource.check(problem, EMULATOR.block)
             now = slice(done, done + made)
             present[now], colours[now] = waiting is not None, colour
@@ -221,10 +210,10 @@ class TwinCell:
     def _grip(self, closed: bool) -> None:
         """Picks the waiting box, or lets go of the held one, where the tip is now."""
         self._held = closed
-        x, y, _ = forward(joint_vector(self._state[:JOINTS]), self.arm)
+        x, y, _ = forward(joint_vector(self._state.arm[:JOINTS]), self.arm)
         time = (self.ticks - 1) * PERIOD
         if closed:
-            self._boxes.grip(time, (x, y), float(self._fingers[0]))
+            self._boxes.grip(time, (x, y), float(self._state.fingers[0]))
         else:
             self._boxes.release(time, (x, y))
 

@@ -69,16 +69,14 @@ def test_a_state_as_low_as_it_can_be_can_only_rise(belief: Belief) -> None:
 
 
 @pytest.mark.parametrize("moving", [True, False])
-def test_a_joint_at_rest_is_evidence_of_what_shows_at_once_only(moving: bool) -> None:
+def test_a_joint_at_rest_is_evidence_of_what_shows_at_once_only(belief: Belief, moving: bool) -> None:
     """The two lanes have the same trace; the fault of the second one shows at once."""
-    E, at_once = np.zeros((1, SIZE, WIDTH), dtype=np.float32), np.zeros((1, WIDTH))
-    E[0, BIAS, :2] = at_once[0, 1] = 1.0
-    h, J = np.zeros((2, 1, WIDTH))
-    F, gains = np.zeros((6, 27)), np.zeros((3, SIZE))
-    score, information = np.array([3.0, 0.0, 0.0]), np.array([2.0, 0.0, 0.0])
-    joints = np.array([moving, True, True])
-    traces.carry(E, h, J, at_once, F, gains, score, information, ALL, True, joints, 1.0, np.full(3, 0.01))
-    assert (J[0, :2].tolist(), h[0, :2].tolist()) == ([2.0 * moving, 2.0], [3.0 * moving, 3.0])
+    t = SignatureBank(plausible_sizes(belief.arm)).traces
+    t.E[0, BIAS, :2] = t.at_once[0, 1] = 1.0
+    estimator = Estimator(belief, Tuning())
+    estimator.score[:], estimator.information[:] = (3.0, 0.0, 0.0), (2.0, 0.0, 0.0)
+    traces.carry(t, estimator.evidence(), ALL, True, np.array([moving, True, True]))
+    assert (t.J[0, :2].tolist(), t.h[0, :2].tolist()) == ([2.0 * moving, 2.0], [3.0 * moving, 3.0])
 
 
 def at_rest(belief: Belief, age: int, fresh: bool) -> tuple[float, float]:
@@ -90,7 +88,7 @@ def at_rest(belief: Belief, age: int, fresh: bool) -> tuple[float, float]:
     estimator.x[:6] = 0.0
     estimator.score[:] = estimator.information[:] = 1.0, 0.0, 0.0
     sample = estimator.evidence()._replace(friction=np.full(3, 0.01))
-    traces.accumulate(*bank.traces, *sample, ALL, ALL & fresh, now, True)
+    traces.accumulate(bank.traces, sample, ALL, ALL & fresh, now, True)
     J = traces.by_onset(bank.traces.J)
     return float(J[0, JUMPS.index("bias1")]), float(J[0, JUMPS.index("K1")])
 

@@ -12,7 +12,19 @@ Array = NDArray[np.float64]
 
 
 class Evidence(NamedTuple):
-    """What `traces.accumulate` needs to know of a sample: see there."""
+    """What the filter made of a sample.
+
+    Attributes:
+        x: (33,), its mean.
+        lowest: (33,), least values of the states.
+        friction: (3,), dry friction in doubt near standstill, N m.
+        F: (6, 27), derivatives over the sample.
+        gains: (3, 33), its gains, 0 of a reading that it did not take in.
+        score: (3,), of the innovations, 1/rad.
+        information: (3,), variance of the scores, 1/rad^2.
+        memory: share that is left after a sample of a torque that the model does not explain.
+        growth: (3,), by what the offsets grow for a unit of the states from DRIFT on.
+    """
 
     x: Array
     lowest: Array
@@ -29,6 +41,17 @@ class FilterArrays(NamedTuple):
     """What the kernels of a sample work with; see `Estimator` and `kernels`.
 
     Attributes:
+        x: (33,), mean of the state.
+        P: (33, 33), its covariance.
+        F: (6, 27), derivatives of q and w after a sample by the moving states before it.
+        gains: (3, 33), gain of each reading, 0 beyond the clip.
+        innovation: (3,), reading minus prediction, rad.
+        variance: (3,), variance of the innovations, that of the core if tails are heavy, rad^2.
+        score: (3,), the innovations as they count, 1/rad.
+        information: (3,), variance of the scores, 1/rad^2.
+        noise: (3,), variances of the readings, rad^2.
+        clip: (3,), standard deviations of the noise beyond which its tails are exponential.
+        walk: (33,), variance that each state gains in a sample.
         torque: (3,), variance of the torques that no model knows, (N m)^2.
         friction: (3,), dry friction in doubt near standstill, N m.
         compliance: (3,), angle by which the gears yield, rad/(N m).
@@ -37,6 +60,11 @@ class FilterArrays(NamedTuple):
         handling: (5,), samples for which a box is still handled, and for which one may still touch something. Then
             the angles at which a box was gripped, rad: it has left what it stood on once one is far from them. Not
             numbers if none was gripped.
+        least, most: (33,), bounds of what the states may be.
+        lower, upper: (33,), bounds of the mean, which is put there when it is beyond.
+        sine, cosine: (3,), what eccentric encoders add, rad.
+        memory: share that is left after a sample of a torque that the model does not explain.
+        growth: (3,), by what the offsets grow for a unit of the states from DRIFT on, see `layout`.
         grip: standard deviation of the torques while a box is handled, N m.
         displacement: standard deviation of what moves an angle without torque, rad.
         timing: standard deviation of the time at which a voltage changes, s.
@@ -70,6 +98,20 @@ class FilterArrays(NamedTuple):
     grip: float
     displacement: float
     timing: float
+
+
+class Clones(NamedTuple):
+    """What n states were at earlier moments; all of it changes in place.
+
+    Attributes:
+        mean: (n,), as it is believed now.
+        C: (33, n), covariance of the state now with them.
+        B: (n,), their variances.
+    """
+
+    mean: Array
+    C: Array
+    B: Array
 
 
 class Past(NamedTuple):

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.monitoring.estimation import kernels
-from dtwin.monitoring.estimation.arrays import Change, Evidence, FilterArrays, Past
+from dtwin.monitoring.estimation.arrays import Change, Clones, Evidence, FilterArrays, Past
 from dtwin.monitoring.estimation.belief import NOISE_FLOOR, Belief
 from dtwin.monitoring.estimation.bounds import bounds, widened
 from dtwin.monitoring.estimation.layout import (
@@ -146,9 +146,10 @@ class Estimator:
             self._growth[i] = end[i] - possible[i]
         kernels.carry(self.x, end, self.memory, self._growth)
         torque, displaced, slowed = np.empty(3), np.empty(3), np.empty(3)
-        kernels.disturb(self.arrays(), volts, self._motion.arrays(gripped).later, doubt, torque, displaced, slowed)
+        f = self.arrays()
+        kernels.disturb(f, volts, self._motion.arrays(gripped).later, doubt, torque, displaced, slowed)
         kernels.relate(self.P, self.x, self._scaled, -1.0)
-        kernels.predict(self.P, self.F, torque, displaced, slowed, self._walk, self.memory, self._growth)
+        kernels.predict(f, torque, displaced, slowed)
         kernels.relate(self.P, self.x, self._scaled, 1.0)
         if self.unsteady:
             by_delay = self.unsteady * self.F[:, LATE]
@@ -163,12 +164,10 @@ class Estimator:
 
     def correct(self, measured: Array, used: NDArray[np.bool_]) -> float:
         """Takes in a sample, (3,) rad; returns the logarithm of the likelihood of the readings used."""
-        before = self.x, self.P, measured - self._motion.eccentricity(self.x[:W]), self._noise, self._clip, used
-        found = self.gains, self.innovation, self.variance, self.score, self.information
-        likelihood: float = kernels.correct(*before, self._lower, self._upper, *found)
+        f = self.arrays()
+        likelihood: float = kernels.correct(f, measured - self._motion.eccentricity(self.x[:W]), used)
         if self._cloned:
-            changed = self._clones, self._C, self._B, self.F, self.gains, self.score, self.variance
-            kernels.follow_clones(*changed, used, self.memory, self._growth)
+            kernels.follow_clones(Clones(self._clones, self._C, self._B), f, used)
         return likelihood
 
     def weigh(self, joint: int) -> float:
@@ -176,9 +175,7 @@ class Estimator:
 
         Its score and information are those of the estimator from now on.
         """
-        likelihood: float = kernels.weigh(
-            joint, self.innovation, self.variance, self._noise, self._clip, self.score, self.information
-        )
+        likelihood: float = kernels.weigh(joint, self.arrays())
         return likelihood
 
     def expected(self) -> tuple[Array, Array]:
@@ -207,7 +204,7 @@ class Estimator:
         return not (self._locked or self._scaled or self._cloned or self.unsteady)
 
     def arrays(self) -> FilterArrays:
-        """What the kernels of a sample work with, of a plain estimator; its own."""
+        """What the kernels of a sample work with; its own."""
         return FilterArrays(
             self.x,
             self.P,

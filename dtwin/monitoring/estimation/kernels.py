@@ -25,7 +25,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from dtwin.monitoring.estimation.arrays import FilterArrays
+from dtwin.monitoring.estimation import arrays
+from dtwin.monitoring.estimation.arrays import Clones, FilterArrays
 from dtwin.monitoring.estimation.layout import ARM, BIAS, DRIFT, MOVING, PAYLOAD, SIZE, TORQUE, W
 from dtwin.monitoring.estimation.traces import STANDSTILL
 from dtwin.parameters import PERIOD
@@ -144,29 +145,17 @@ def swung(swing: float, jump: float) -> float:
     return SETTLED * swing + jump * jump
 
 
-@kernel
-def predict(
-    P: Array,
-    F: Array,
-    torque: Array,
-    displacement: Array,
-    slowed: Array,
-    walk: Array,
-    memory: float,
-    growth: Array,
-) -> None:
+@kernel(uses=(arrays,))
+def predict(f: FilterArrays, torque: Array, displacement: Array, slowed: Array) -> None:
     """Carries the covariance over one sample, in place.
 
     Args:
-        P: covariance.
-        F: derivatives over the sample.
+        f: of the estimator, with the derivatives over the sample.
         torque: (3,), variance of the torque that no model knows, held over the sample, (N m)^2.
         displacement: (3,), variance that the angles gain in the sample without any torque, rad^2.
         slowed: (3,), by what the standard deviation of a speed may shrink at most, rad/s.
-        walk: (33,), variance that each state gains in the sample.
-        memory: share that is left after a sample of a torque that the model does not explain.
-        growth: (3,), by what the offsets grow for a unit of the states from DRIFT on, see `layout`.
     """
+    P, F, memory, growth = f.P, f.F, f.memory, f.growth
     speeds = np.empty(3)
     for i in range(3):
         speeds[i] = P[W + i, W + i]
@@ -203,7 +192,7 @@ def predict(
         for j in range(SIZE):
             P[j, i] *= memory
     for i in range(SIZE):
-        P[i, i] += walk[i]
+        P[i, i] += f.walk[i]
 
 
 def relate(P: Array, x: Array, scaled: Iterable[int], sign: float) -> None:
@@ -244,37 +233,21 @@ def _shrink(P: Array, columns: Array, shares: Array) -> None:
             P[j, k] = left - (second[j] * second[k]) * shares[1] - (third[j] * third[k]) * shares[2]
 
 
-@kernel
-def weigh(
-    i: int, innovation: Array, variance: Array, noise: Array, clip: Array, score: Array, information: Array
-) -> float:
+@kernel(uses=(arrays,))
+def weigh(i: int, f: FilterArrays) -> float:
     """Fills in score and information of one reading; returns the logarithm of its likelihood. See `correct`."""
-    nu, s = innovation[i], variance[i]
-    limit = clip[i] * math.sqrt(s / noise[i])
+    nu, s = f.innovation[i], f.variance[i]
+    limit = f.clip[i] * math.sqrt(s / f.noise[i])
     share, constant = huber(limit)
     most = limit * math.sqrt(s)
     counted = min(max(nu, -most), most)
-    score[i] = counted * (1.0 / s)
-    information[i] = share / s
+    f.score[i] = counted * (1.0 / s)
+    f.information[i] = share / s
     return -0.5 * (counted * (2.0 * nu - counted) / s + math.log(2.0 * math.pi * s)) - constant
 
 
-@kernel
-def correct(
-    x: Array,
-    P: Array,
-    measured: Array,
-    noise: Array,
-    clip: Array,
-    used: Any,
-    lower: Array,
-    upper: Array,
-    gains: Array,
-    innovation: Array,
-    variance: Array,
-    score: Array,
-    information: Array,
-) -> float:
+@kernel(uses=(arrays,))
+def correct(f: FilterArrays, measured: Array, used: Any) -> float:
     """Takes in three encoder readings one after another, which whitens them, in place.
 
     An innovation nu of variance s is believed to have Huber's density of the same core: beyond clip standard
@@ -285,23 +258,14 @@ def correct(
     infinite one this is the Kalman filter.
 
     Args:
-        x: mean.
-        P: covariance.
+        f: of the estimator; mean and covariance, and what is told of the innovations, are replaced.
         measured: (3,), rad.
-        noise: (3,), variances, rad^2.
-        clip: (3,), standard deviations of the noise beyond which its tails are exponential.
         used: (3,) bool, which readings to take in.
-        lower: (33,), least value of each state; the estimate is put there when it falls below.
-        upper: (33,), largest value.
-        gains: (3, 33), receives the gain of each reading, 0 beyond the clip.
-        innovation: (3,), receives reading minus prediction, rad.
-        variance: (3,), receives the innovations' variance, that of the core if tails are heavy, rad^2.
-        score: (3,), receives the scores, 1/rad.
-        information: (3,), receives the variance of the scores, 1/rad^2.
 
     Returns:
         the logarithm of the readings' likelihood.
     """
+    x, P, gains, noise, clip, score = f.x, f.P, f.gains, f.noise, f.clip, f.score
     likelihood = 0.0
     columns, shares = np.empty((3, SIZE)), np.zeros(3)
     for i in range(3):
@@ -309,12 +273,12 @@ def correct(
         column = columns[i]
         s = column[i] + column[BIAS + i] + noise[i]
         nu = measured[i] - x[i] - x[BIAS + i]
-        innovation[i] = nu
-        variance[i] = s
+        f.innovation[i] = nu
+        f.variance[i] = s
         if not used[i]:
             gains[i] = 0.0
             continue
-        likelihood += weigh(i, innovation, variance, noise, clip, score, information)
+        likelihood += weigh(i, f)
         counted = score[i] * s
         for j in range(SIZE):
             gains[i, j] = column[j] / s
@@ -325,48 +289,32 @@ def correct(
             gains[i] = 0.0
     _shrink(P, columns, shares)
     for j in range(SIZE):
-        x[j] = min(max(x[j], lower[j]), upper[j])
+        x[j] = min(max(x[j], f.lower[j]), f.upper[j])
     return likelihood
 
 
-@kernel
-def follow_clones(
-    clones: Array,
-    C: Array,
-    B: Array,
-    F: Array,
-    gains: Array,
-    score: Array,
-    variance: Array,
-    used: Any,
-    memory: float,
-    growth: Array,
-) -> None:
+@kernel(uses=(arrays,))
+def follow_clones(clones: Clones, f: FilterArrays, used: Any) -> None:
     """Carries what states were at earlier moments over one sample, in place (stochastic cloning, Roumeliotis and
     Burdick 2002): a clone stands still, but what is measured later tells more of it.
 
     Args:
-        clones: (n,), means.
-        C: (33, n), covariance of the state now with the clones.
-        B: (n,), the clones' variances.
-        F: derivatives over the sample.
-        gains: (3, 33), of the filter.
-        score: (3,), of the innovations, 1/rad.
-        variance: (3,), of the innovations, rad^2.
+        clones: what is known of them.
+        f: of the estimator after the sample.
         used: (3,) bool, which readings the filter took in.
-        memory, growth: as for `predict`.
     """
-    C[:6] = F @ C[:MOVING]
-    C[TORQUE:MOVING] *= memory
+    C, gains = clones.C, f.gains
+    C[:6] = f.F @ C[:MOVING]
+    C[TORQUE:MOVING] *= f.memory
     for i in range(3):
-        C[BIAS + i] += growth[i] * C[DRIFT + i]
+        C[BIAS + i] += f.growth[i] * C[DRIFT + i]
     for i in range(3):
         if not used[i]:
             continue
-        for c in range(len(clones)):
+        for c in range(len(clones.mean)):
             covariance = C[i, c] + C[BIAS + i, c]
-            clones[c] += covariance * score[i]
+            clones.mean[c] += covariance * f.score[i]
             if gains[i].any():
-                B[c] -= covariance * covariance / variance[i]
+                clones.B[c] -= covariance * covariance / f.variance[i]
             for j in range(SIZE):
                 C[j, c] -= gains[i, j] * covariance

@@ -13,7 +13,7 @@ from typing import Final, Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from dtwin.monitoring.estimation import derivatives, rigid
+from dtwin.monitoring.estimation import arrays, derivatives, rigid
 from dtwin.monitoring.estimation.arrays import MotionArrays, TwinArrays
 from dtwin.monitoring.estimation.belief import Belief
 from dtwin.monitoring.estimation.derivatives import by_voltages, hold
@@ -88,7 +88,7 @@ class MachineMotion:
     def carry(self, x: Array, volts: Array, gripped: bool, locked: int) -> tuple[Array, Array]:
         """See `Motion.carry`."""
         end, F = np.empty(6), np.empty((6, MOVING))
-        _carry_machine(x, volts, locked, *self.arrays(gripped)[2:], end, F)
+        _carry_machine(x, volts, locked, self.arrays(gripped), end, F)
         if locked:
             hold(x, end, F, locked - 1)
         return end, F
@@ -128,33 +128,22 @@ def eccentricity(angles: Array, sine: Array, cosine: Array, found: Array) -> Non
         found[i] = sine[i] * math.sin(angles[i]) + cosine[i] * math.cos(angles[i])
 
 
-@kernel(uses=(derivatives, dry_friction, dynamics, lanes, machine, machine_sensitivity))
-def _carry_machine(
-    x: Array,
-    volts: Array,
-    locked: int,
-    vector: Array,
-    gripped: bool,
-    later: Array,
-    commands: Array,
-    acting: Array,
-    mean: Array,
-    end: Array,
-    F: Array,
-) -> None:
+@kernel(uses=(arrays, derivatives, dry_friction, dynamics, lanes, machine, machine_sensitivity))
+def _carry_machine(x: Array, volts: Array, locked: int, m: MotionArrays, end: Array, F: Array) -> None:
     """Writes what `MachineMotion.carry` gives, but for what a lock eliminates, to end (6,) and F (6, 27).
 
     Args:
         x: (33,), states before.
         volts: (3,), command that is held over the sample, V.
         locked: joint that is held where it is, 1 to 3, or 0.
-        vector to mean: as in `MotionArrays`.
+        m: the machine.
     """
+    later, commands, acting, mean = m.later, m.commands, m.acting, m.mean
     if not np.isfinite(acting).all():
         commands[:] = volts
     commands[:-1] = commands[1:]
     commands[-1] = volts
-    p, before, slopes = vector.copy(), acting.copy(), np.empty((6, 10 if gripped else 9))
+    p, before, slopes = m.vector.copy(), acting.copy(), np.empty((6, 10 if m.gripped else 9))
     for k in range(len(_OF_ARM)):
         p[_OF_ARM[k]] = x[ARM + k]
     share = 1.0 + x[SUPPLY]
@@ -171,7 +160,7 @@ def _carry_machine(
                 p[_OF_TORQUE[locked - 1]] -= end[W + locked - 1] / slope
     F[:] = 0.0
     F[:, :6], F[:, TORQUE:MOVING] = slopes[:, :6], slopes[:, 6:9]
-    if gripped:
+    if m.gripped:
         F[:, PAYLOAD] = slopes[:, 9]
     later[:] = 0.0
     for i in range(3):
@@ -188,13 +177,13 @@ def _carry_machine(
     by_voltages(F, x, mean, later)
 
 
-@kernel(uses=(derivatives, dry_friction, dynamics, lanes, machine, machine_sensitivity, rigid, sensitivity))
+@kernel(uses=(arrays, derivatives, dry_friction, dynamics, lanes, machine, machine_sensitivity, rigid, sensitivity))
 def carry(x: Array, volts: Array, m: MotionArrays, end: Array, F: Array) -> None:
     """Writes what `Motion.carry` gives while no joint is locked to end (6,) and F (6, 27)."""
     if m.rigid:
-        carry_rigid(x, volts, m.gripped, m.twin, m.commands, end, F)
+        carry_rigid(x, volts, m, end, F)
     else:
-        _carry_machine(x, volts, 0, m.vector, m.gripped, m.later, m.commands, m.acting, m.mean, end, F)
+        _carry_machine(x, volts, 0, m, end, F)
 
 
 _NO_TWIN: Final = TwinArrays(np.zeros(18), np.zeros((1, 18, MOVING)), np.zeros(SIZE))

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from dtwin.monitoring.estimation import derivatives
+from dtwin.monitoring.estimation import arrays, derivatives
 from dtwin.monitoring.estimation.arrays import MotionArrays, TwinArrays
 from dtwin.monitoring.estimation.derivatives import by_voltages, hold
 from dtwin.monitoring.estimation.layout import ARM, ARM_NAMES, INDEX, LATE, MOVING, PAYLOAD, SIZE, SUPPLY, TORQUE, W
@@ -17,6 +17,7 @@ from dtwin.twin import sensitivity
 from dtwin.twin.compiled import kernel
 from dtwin.twin.dynamics import coefficients
 from dtwin.twin.machine import MACHINE_NAMES
+from dtwin.twin.rollout import Steps
 from dtwin.twin.sensitivity import integrate_linearised
 
 Array = NDArray[np.float64]
@@ -58,7 +59,7 @@ class RigidMotion:
         """See `Motion.carry`."""
         if not locked:
             end, F = np.empty(6), np.empty((6, MOVING))
-            carry_rigid(x, volts, gripped, self._twin, self._last, end, F)
+            carry_rigid(x, volts, self.arrays(gripped), end, F)
             return end, F
         before = self._last[0] if np.isfinite(self._last).all() else volts
         meant, last = np.clip((volts, before), -VOLTAGE_LIMIT, VOLTAGE_LIMIT)
@@ -71,10 +72,9 @@ class RigidMotion:
         states, slopes, level = np.empty((2, 6)), np.zeros((2, 6, MOVING)), np.zeros(1, dtype=np.int64)
         states[0], slopes[0, :, :6] = x[:6], np.eye(6)
         end, F = states[1], slopes[1]
+        steps = Steps(PERIOD, _substeps(x), COULOMB_WIDTH)
         for _ in range(TURNS):
-            integrate_linearised(
-                held[None], twin.moved, level, u[None], PERIOD, _substeps(x), COULOMB_WIDTH, states, slopes
-            )
+            integrate_linearised(held[None], twin.moved, level, u[None], steps, states, slopes)
             _oppose(u, x, end, F, locked - 1)
         F[:, TORQUE:MOVING] = F[:, ARM : ARM + 3] / u
         end += F[:, TORQUE:MOVING] @ x[TORQUE:MOVING]
@@ -105,10 +105,11 @@ def _substeps(x: Array) -> int:
     return SUBSTEPS * max(1, math.ceil(max(x[_D], x[_D + 1], x[_D + 2]) / STABLE))
 
 
-@kernel(uses=(derivatives, sensitivity))
-def carry_rigid(x: Array, volts: Array, gripped: bool, twin: TwinArrays, last: Array, end: Array, F: Array) -> None:
-    """Writes to end (6,) and F (6, 27) what `RigidMotion.carry` gives while no joint is locked, and the command to
-    last (1, 3)."""
+@kernel(uses=(arrays, derivatives, sensitivity))
+def carry_rigid(x: Array, volts: Array, m: MotionArrays, end: Array, F: Array) -> None:
+    """Writes what `RigidMotion.carry` gives while no joint is locked to end (6,) and F (6, 27), and the command to
+    those of m."""
+    twin, last = m.twin, m.commands
     u, held, mean, later = np.empty((1, 3)), np.empty((1, 18)), np.empty(3), np.empty(3)
     states, slopes, level = np.empty((2, 6)), np.empty((2, 6, MOVING)), np.zeros(1, dtype=np.int64)
     slopes[0] = 0.0
@@ -128,13 +129,14 @@ def carry_rigid(x: Array, volts: Array, gripped: bool, twin: TwinArrays, last: A
     for i in range(6):
         states[0, i] = x[i]
         slopes[0, i, i] = 1.0
-    integrate_linearised(held, twin.moved, level, u, PERIOD, _substeps(x), COULOMB_WIDTH, states, slopes)
+    steps = Steps(PERIOD, _substeps(x), COULOMB_WIDTH)
+    integrate_linearised(held, twin.moved, level, u, steps, states, slopes)
     end[:], F[:] = states[1], slopes[1]
     for i in range(6):
         for joint in range(3):
             F[i, TORQUE + joint] = F[i, ARM + joint] / u[0, joint]
             end[i] += F[i, TORQUE + joint] * x[TORQUE + joint]
-        if not gripped:
+        if not m.gripped:
             F[i, PAYLOAD] = 0.0
     by_voltages(F, x, mean, later)
 

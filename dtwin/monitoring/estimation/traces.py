@@ -12,6 +12,8 @@ from typing import Any, Final, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from dtwin.monitoring.estimation import arrays
+from dtwin.monitoring.estimation.arrays import Evidence
 from dtwin.monitoring.estimation.layout import BIAS, DRIFT, INDEX, MOVING, SIZE, TORQUE, W
 from dtwin.monitoring.kinds import JUMPS
 from dtwin.twin import lanes
@@ -101,12 +103,9 @@ def by_onset(values: Array) -> Array:
 
 
 @kernel
-def largest(h: Array, J: Array, precision: Array, least: Array, allowance: Array) -> float:
-    """The largest of h^2 / (J + precision) beyond what is allowed for, at least 0; not a number if one is none.
-
-    Args:
-        h, J, precision, least, allowance: as in `Traces`.
-    """
+def largest(t: Traces) -> float:
+    """The largest of h^2 / (J + precision) beyond what is allowed for, at least 0; not a number if one is none."""
+    h, J, precision, least, allowance = t.h, t.J, t.precision, t.least, t.allowance
     found = 0.0
     for n in range(h.shape[0]):
         for c in range(h.shape[1]):
@@ -118,8 +117,9 @@ def largest(h: Array, J: Array, precision: Array, least: Array, allowance: Array
 
 
 @kernel
-def largest_of_each(h: Array, J: Array, precision: Array, least: Array, found: Array) -> None:
-    """Writes the largest of h^2 / (J + precision) of each fault, (18,); arguments as in `Traces`."""
+def largest_of_each(t: Traces, found: Array) -> None:
+    """Writes the largest of h^2 / (J + precision) of each fault, (18,)."""
+    h, J, precision, least = t.h, t.J, t.precision, t.least
     found[:] = 0.0
     for number in range(ONSETS * _FAULTS):
         n, lane = number // WIDTH, number % WIDTH
@@ -128,13 +128,10 @@ def largest_of_each(h: Array, J: Array, precision: Array, least: Array, found: A
 
 
 @kernel
-def exceed(h: Array, J: Array, precision: Array, least: Array, allowance: Array, limit: float) -> bool:
-    """Whether one of h^2 / (J + precision) is above a limit beyond what is allowed for, or not a number.
-
-    Args:
-        h, J, precision, least, allowance: as in `Traces`.
-        limit: at least 0.
-    """
+def exceed(t: Traces, limit: float) -> bool:
+    """Whether one of h^2 / (J + precision) is above a limit of at least 0 beyond what is allowed for, or not a
+    number."""
+    h, J, precision, least, allowance = t.h, t.J, t.precision, t.least, t.allowance
     some = False
     for n in range(len(h)):
         for lane in range(WIDTH):
@@ -144,40 +141,23 @@ def exceed(h: Array, J: Array, precision: Array, least: Array, allowance: Array,
     return some
 
 
-@kernel(uses=(lanes,))
-def carry(
-    E: Array,
-    h: Array,
-    J: Array,
-    at_once: Array,
-    F: Array,
-    gains: Array,
-    score: Array,
-    information: Array,
-    used: Any,
-    counts: bool,
-    moving: Any,
-    memory: float,
-    growth: Array,
-) -> None:
+@kernel(uses=(arrays, lanes))
+def carry(t: Traces, evidence: Evidence, used: Any, counts: bool, moving: Any) -> None:
     """Carries the traces over one sample, in place.
 
     Args:
-        E, h, J, at_once: as in `Traces`.
-        F: (6, 27), derivatives over the sample.
-        gains: (3, 33), of the filter, 0 of a reading that it did not take in.
-        score: (3,), of the innovations, 1/rad.
-        information: (3,), variance of the scores, 1/rad^2.
+        t: the traces; what is told of onsets counts for nothing here.
+        evidence: what the filter made of the sample.
         used: (3,) bool, which readings are evidence; the filter took them in.
         counts: whether the sample is evidence.
         moving: (3,) bool, which joints move. What friction does to one that rests it does in the next sample as well:
             of that only faults are evidence that show at once, and only for AT_ONCE samples from their onset on.
-        memory: share that is left after a sample of a torque that the model does not explain.
-        growth: (3,), by what the offsets grow for a unit of the states from DRIFT on.
     """
+    E, h, J, at_once = t.E, t.h, t.J, t.at_once
+    score, information, growth = evidence.score, evidence.information, evidence.growth
     c, k = np.empty((6, MOVING), dtype=np.float32), np.empty((3, SIZE), dtype=np.float32)
-    c[:], k[:] = F, gains
-    kept = np.float32(memory)
+    c[:], k[:] = evidence.F, evidence.gains
+    kept = np.float32(evidence.memory)
     grown1, grown2, grown3 = np.float32(growth[0]), np.float32(growth[1]), np.float32(growth[2])
     for n in range(len(E)):
         block = E[n]
@@ -225,22 +205,14 @@ def carry(
 
 
 @kernel
-def place_onset(
-    E: Array,
-    h: Array,
-    J: Array,
-    at_once: Array,
-    rows: NDArray[np.int64],
-    samples: NDArray[np.int64],
-    order: NDArray[np.int64],
-    gaps: NDArray[np.int64],
-    sample: int,
-) -> int:
-    """Takes a sample for an onset and returns its place; arguments as in `Traces`.
+def place_onset(t: Traces, sample: int) -> int:
+    """Takes a sample for an onset and returns its place.
 
     Where there is none free it takes that of the onset whose neighbours are closest for its age, or of the oldest
     when it is too old.
     """
+    E, h, J, at_once, rows = t.E, t.h, t.J, t.at_once, t.rows
+    samples, order, gaps = t.samples, t.order, t.gaps
     filled = 0
     while filled < ONSETS and samples[order[filled]] != NONE:
         filled += 1
@@ -285,54 +257,28 @@ def _to_the_end(order: NDArray[np.int64], position: int) -> int:
     return place
 
 
-@kernel(uses=(lanes,))
-def accumulate(
-    E: Array,
-    h: Array,
-    J: Array,
-    precision: Array,
-    least: Array,
-    allowance: Array,
-    at_once: Array,
-    rows: NDArray[np.int64],
-    samples: NDArray[np.int64],
-    order: NDArray[np.int64],
-    gaps: NDArray[np.int64],
-    x: Array,
-    lowest: Array,
-    friction: Array,
-    F: Array,
-    gains: Array,
-    score: Array,
-    information: Array,
-    memory: float,
-    growth: Array,
-    used: Any,
-    fresh: Any,
-    sample: int,
-    counts: bool,
-) -> int:
+@kernel(uses=(arrays, lanes))
+def accumulate(t: Traces, evidence: Evidence, used: Any, fresh: Any, sample: int, counts: bool) -> int:
     """Takes in what the filter made of a sample and notes it as an onset, whose place is returned.
 
     Args:
-        E to gaps: as in `Traces`.
-        x: (33,), the filter's mean.
-        lowest: (33,), least values of the states.
-        friction: (3,), dry friction in doubt near standstill, N m.
-        F to used, counts: as for `carry`.
+        t: the traces.
+        evidence: what the filter made of the sample.
+        used, counts: as for `carry`.
         fresh: (3,) bool, which readings do not repeat the one before. One that does, of a joint that rests, is no
             evidence of anything sudden: what the friction holds otherwise than believed, it holds every time.
         sample: number of the sample.
     """
+    x, lowest, friction, rows = evidence.x, evidence.lowest, evidence.friction, t.rows
     moving, telling = np.empty((2, 3), dtype=np.bool_)
     for i in range(3):
         moving[i] = abs(x[W + i]) > STANDSTILL or friction[i] == 0.0
         telling[i] = used[i] and (moving[i] or fresh[i])
-    carry(E, h, J, at_once, F, gains, score, information, telling, counts, moving, memory, growth)
-    bounds, everywhere = np.empty(_FAULTS), least.reshape(-1)
+    carry(t, evidence, telling, counts, moving)
+    bounds, everywhere = np.empty(_FAULTS), t.least.reshape(-1)
     for fault in range(_FAULTS):
         bounds[fault] = 0.0 if x[rows[fault]] <= lowest[rows[fault]] else -np.inf
     if (bounds != everywhere[:_FAULTS]).any():
         for place in range(ONSETS):
             everywhere[place * _FAULTS : (place + 1) * _FAULTS] = bounds
-    return place_onset(E, h, J, at_once, rows, samples, order, gaps, sample)
+    return place_onset(t, sample)

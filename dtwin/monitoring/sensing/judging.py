@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,21 +50,54 @@ LEAP: Final = 0.25
 joint goes so far in a sample"""
 
 
+class ReadingsArrays(NamedTuple):
+    """What is known of the readings, (3,) each; all from `has_repeated` on changes in place, but for `far`.
+
+    Attributes:
+        last: the last readings, rad.
+        known: whether the resolutions are known.
+        resolution: resolutions, rad.
+        deviation: standard deviations of the noise, rad.
+        noisy: whether there is any noise.
+        has_repeated: whether an encoder has repeated a reading.
+        repeated: how often each has repeated its reading in a row.
+        dithered: whether rounding does not matter.
+        new: which of the last readings are more than one that repeats itself.
+        far: standard deviations from where they are expected from which on readings are far off.
+        since: where a reading was expected when it came first, rad; not a number if nobody knows.
+        frozen, spikes, confirmed, left_out: see `Readings`.
+        missed: by how much the last readings missed what was expected, rad.
+        was_near: whether they did so by little.
+        wild: number of readings in a row that were left out.
+        pace: by how much these went on from one to the next, rad.
+    """
+
+    last: Array
+    known: Flags
+    resolution: Array
+    deviation: Array
+    noisy: Flags
+    has_repeated: Flags
+    repeated: Counts
+    dithered: Flags
+    new: Flags
+    far: Array
+    since: Array
+    frozen: Flags
+    spikes: Flags
+    confirmed: Flags
+    left_out: Flags
+    missed: Array
+    was_near: Flags
+    wild: Counts
+    pace: Array
+
+
 @kernel
-def apply(
-    measured: Array,
-    last: Array,
-    known: Flags,
-    resolution: Array,
-    deviation: Array,
-    noisy: Flags,
-    has_repeated: Flags,
-    repeated: Counts,
-    dithered: Flags,
-    new: Flags,
-    angles: Array,
-) -> None:
-    """Writes the angles (3,) that readings measure, rad, and brings the four arrays before up to date."""
+def apply(r: ReadingsArrays, measured: Array, angles: Array) -> None:
+    """Takes in readings (3,), rad, and writes the angles (3,) that they measure, rad."""
+    last, known, resolution, deviation = r.last, r.known, r.resolution, r.deviation
+    has_repeated, repeated, dithered = r.has_repeated, r.repeated, r.dithered
     for i in range(3):
         step = measured[i] - last[i]
         equal = step == 0.0
@@ -74,50 +107,46 @@ def apply(
         beyond = 0.5 * resolution[i] * (1.0 - 1.0 / held) if known[i] and not equal and not drowned else 0.0
         angles[i] = measured[i] - math.copysign(beyond, step)
         has_repeated[i] |= equal
-        exact = known[i] and resolution[i] == 0.0 and not noisy[i]
+        exact = known[i] and resolution[i] == 0.0 and not r.noisy[i]
         repeated[i] = repeated[i] + 1 if equal else 0
         by_chance = drowned and repeated[i] <= _CHANCE
-        new[i] = exact or by_chance if equal else known[i] or not has_repeated[i]
+        r.new[i] = exact or by_chance if equal else known[i] or not has_repeated[i]
+        last[i] = measured[i]
+
+
+class Expected(NamedTuple):
+    """Readings as they are expected.
+
+    Attributes:
+        angles: (3,), rad.
+        deviation: (3,), standard deviations of the readings about that, rad.
+        trusted: whether this is believed more than a single reading.
+    """
+
+    angles: Array
+    deviation: Array
+    trusted: bool
 
 
 @kernel
-def judge(
-    predicted: Array,
-    deviation: Array,
-    trusted: bool,
-    last: Array,
-    angles: Array,
-    new: Flags,
-    repeated: Counts,
-    resolution: Array,
-    noise: Array,
-    dithered: Flags,
-    far: Array,
-    since: Array,
-    frozen: Flags,
-    spikes: Flags,
-    confirmed: Flags,
-    left_out: Flags,
-    missed: Array,
-    was_near: Flags,
-    wild: Counts,
-    pace: Array,
-    measurements: Flags,
-) -> None:
-    """Tells which readings (3,) are measurements, see `Readings.judge`, and updates the nine arrays before.
+def judge(r: ReadingsArrays, expected: Expected, angles: Array, measurements: Flags) -> None:
+    """Tells which of the last readings (3,) are measurements, see `Readings.judge`.
 
     An angle of a reading that is looked at again becomes the one within its resolution that is nearest to the
     prediction.
     """
-    vanished = _vanished(predicted, deviation, last, repeated, resolution, noise)
+    predicted, deviation, last = expected.angles, expected.deviation, r.last
+    repeated, resolution, noise, frozen = r.repeated, r.resolution, r.deviation, r.frozen
+    left_out, missed, wild = r.left_out, r.missed, r.wild
+    vanished = _vanished(r, predicted, deviation)
     arrived = min(repeated[0], repeated[1], repeated[2]) == 0
     for i in range(3):
         first = repeated[i] == 0
-        if first or math.isnan(since[i]):
-            since[i] = predicted[i]
+        if first or math.isnan(r.since[i]):
+            r.since[i] = predicted[i]
         # A prediction that was wrong when the reading came first moves towards it, which is no motion.
         off = abs(predicted[i] - last[i])
-        moved = min(abs(predicted[i] - since[i]), off)
+        moved = min(abs(predicted[i] - r.since[i]), off)
         stopped = repeated[i] >= FROZEN - 1 and moved > RESOLUTIONS * resolution[i]
         restless = noise[i] > max(NOISY * resolution[i], NOISE_FLOOR)
         stopped = (stopped and moved > DEVIATIONS * deviation[i]) or (
@@ -129,39 +158,38 @@ def judge(
         again = not first and resolution[i] > 0.0 and off > 0.5 * resolution[i]
         again = again and (stays or repeated[i] % _LOOK == 0)
         # Where neighbouring readings differ by noise, one that repeats the last is more often a sample that was lost.
-        lost = not first and not stays and dithered[i] and (off > deviation[i] or vanished)
-        used = (new[i] or again) and not frozen[i] and not lost
-        if again and not new[i]:
+        lost = not first and not stays and r.dithered[i] and (off > deviation[i] or vanished)
+        used = (r.new[i] or again) and not frozen[i] and not lost
+        if again and not r.new[i]:
             angles[i] = last[i] + math.copysign(0.5 * resolution[i], predicted[i] - last[i])
         innovation = angles[i] - predicted[i]
-        away, limit = abs(innovation), far[i] * deviation[i]
+        away, limit = abs(innovation), r.far[i] * deviation[i]
         near = away < _NEAR * limit
         returned = away < _NEAR * abs(missed[i]) and (away < limit or (wild[i] == 1 and abs(missed[i]) < STRIDE))
-        doubted = used and away > limit and (trusted or away > LEAP)
+        doubted = used and away > limit and (expected.trusted or away > LEAP)
         # Interference confirms nothing: readings at different places, as no joint moves, and leaps that do not stay.
         step = innovation - missed[i]
         moves = wild[i] > 1 and STRIDE < abs(step) < LEAP
-        goes_on = abs(step - pace[i]) < max(limit, STRIDE) and (away < LEAP or moves)
+        goes_on = abs(step - r.pace[i]) < max(limit, STRIDE) and (away < LEAP or moves)
         scattered = doubted and left_out[i] and not returned and not goes_on and wild[i] < BURST
-        spikes[i] = used and left_out[i] and returned
-        confirmed[i] = used and left_out[i] and not returned and not scattered
-        left = scattered or (doubted and was_near[i])
+        r.spikes[i] = used and left_out[i] and returned
+        r.confirmed[i] = used and left_out[i] and not returned and not scattered
+        left = scattered or (doubted and r.was_near[i])
         if used:
             wild[i] = wild[i] + 1 if scattered else 1 if left else wild[i]
-            pace[i] = step if scattered else 0.0
-            left_out[i], was_near[i], missed[i] = left, near or spikes[i], innovation
+            r.pace[i] = step if scattered else 0.0
+            left_out[i], r.was_near[i], missed[i] = left, near or r.spikes[i], innovation
         measurements[i] = used and not left
 
 
 @kernel
-def _vanished(
-    predicted: Array, deviation: Array, last: Array, repeated: Counts, resolution: Array, noise: Array
-) -> bool:
-    """Whether a sample that repeats the one before was lost, see `Readings.judge` for the arguments.
+def _vanished(r: ReadingsArrays, predicted: Array, deviation: Array) -> bool:
+    """Whether a sample that repeats the one before was lost, see `Expected` for the arguments.
 
     The chance of a reading to fall on the same multiple of the resolution follows from how it is predicted. Of an
     encoder without noise or resolution nothing follows: at rest it repeats itself whenever it is read.
     """
+    last, repeated, resolution, noise = r.last, r.repeated, r.resolution, r.deviation
     chance = 1.0
     for i in range(3):
         if repeated[i] == 0:

@@ -10,14 +10,24 @@ corrected is on no grid: its resolution is the width of the codes that it repeat
 from __future__ import annotations
 
 import math
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.identification.estimation.quality import code_width, noise
 from dtwin.monitoring.estimation.belief import NOISE_FLOOR
-from dtwin.monitoring.sensing.judging import DEVIATIONS, FAR, FROZEN, NOISY, RESOLUTIONS, apply, judge
+from dtwin.monitoring.sensing.judging import (
+    DEVIATIONS,
+    FAR,
+    FROZEN,
+    NOISY,
+    RESOLUTIONS,
+    Expected,
+    ReadingsArrays,
+    apply,
+    judge,
+)
 from dtwin.parameters import JointVector, joint_vector
 
 Array = NDArray[np.float64]
@@ -39,30 +49,6 @@ _LEARNED: Final = 1000
 _ROUNDING: Final = 1e-9
 """rad, less than any resolution and more than errors of rounding"""
 _ALL: Final = np.ones(3, dtype=bool)
-
-
-class ReadingsArrays(NamedTuple):
-    """What `apply` and `judge` work with, (3,) each; see there."""
-
-    last: Array
-    known: Flags
-    resolution: Array
-    deviation: Array
-    noisy: Flags
-    has_repeated: Flags
-    repeated: Counts
-    dithered: Flags
-    new: Flags
-    far: Array
-    since: Array
-    frozen: Flags
-    spikes: Flags
-    confirmed: Flags
-    left_out: Flags
-    missed: Array
-    was_near: Flags
-    wild: Counts
-    pace: Array
 
 
 class Readings:
@@ -118,11 +104,18 @@ class Readings:
         known = not self._unweighed and not self.unheard and not self._learning
         return known and True not in self.left_out.tolist() and True not in self.frozen.tolist()
 
-    def arrays(self) -> ReadingsArrays:
-        """What is known of the encoders once it is settled; the arrays are this object's own."""
+    def arrays(self, known: Flags = _ALL) -> ReadingsArrays:
+        """What is known of the encoders.
+
+        Args:
+            known: (3,), whether their resolutions are.
+
+        Returns:
+            this object's own arrays, but for the last reading, which `took` brings up to date.
+        """
         return ReadingsArrays(
-            self.last,
-            _ALL,
+            self.last.copy(),
+            known,
             self.resolution,
             self._deviation,
             self._noisy,
@@ -143,31 +136,18 @@ class Readings:
         )
 
     def took(self, measured: Array, angles: Array) -> None:
-        """Notes the last sample and the angles that it measures, (3,) rad each, after `apply` and `judge`."""
+        """Notes the last sample and the angles that it measures, (3,) rad each, after `apply`."""
         self.last, self._angles = measured, angles
 
     def update(self, measured: Array) -> Array:
         """Takes in a sample, (3,) rad; returns the angles that it measures, (3,) rad."""
+        known = _ALL
         if self._learning:
             known = self._steps >= _TELLING
             self._learn(np.abs(measured - self.last))
-        else:
-            known = _ALL
-        self._angles = angles = np.empty(3)
-        apply(
-            measured,
-            self.last,
-            known,
-            self.resolution,
-            self._deviation,
-            self._noisy,
-            self._has_repeated,
-            self.repeated,
-            self._dithered,
-            self._new,
-            angles,
-        )
-        self.last = measured
+        angles = np.empty(3)
+        apply(self.arrays(known), measured, angles)
+        self.took(measured, angles)
         return angles
 
     @property
@@ -210,29 +190,7 @@ class Readings:
             which readings are measurements, (3,).
         """
         measurements = np.empty(3, dtype=bool)
-        judge(
-            predicted,
-            deviation,
-            trusted,
-            self.last,
-            self._angles,
-            self._new,
-            self.repeated,
-            self.resolution,
-            self._deviation,
-            self._dithered,
-            self._far,
-            self._since,
-            self.frozen,
-            self.spikes,
-            self.confirmed,
-            self.left_out,
-            self._missed,
-            self._was_near,
-            self.wild,
-            self._pace,
-            measurements,
-        )
+        judge(self.arrays(), Expected(predicted, deviation, trusted), self._angles, measurements)
         if self._learning:
             # Whether one that is on no grid may repeat itself is not known yet.
             self.frozen &= (self._divisor > NOISE_FLOOR) | (self.resolution > 0.0)

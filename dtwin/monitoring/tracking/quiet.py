@@ -6,19 +6,22 @@ to the first at which it has to do more; the bits are those of one sample after 
 
 from __future__ import annotations
 
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dtwin.monitoring.estimation import kernels, motion, traces
+from dtwin.monitoring.estimation import arrays, kernels, motion, traces
+from dtwin.monitoring.estimation.arrays import Evidence
 from dtwin.monitoring.estimation.estimator import Estimator, FilterArrays, Past
 from dtwin.monitoring.estimation.layout import SIZE, W
 from dtwin.monitoring.estimation.motion import MotionArrays
 from dtwin.monitoring.estimation.traces import STANDSTILL, Traces
 from dtwin.monitoring.sensing import judging as sensing
-from dtwin.monitoring.sensing.readings import Readings, ReadingsArrays
+from dtwin.monitoring.sensing.judging import Expected, ReadingsArrays
+from dtwin.monitoring.sensing.readings import Readings
 from dtwin.monitoring.signatures import SignatureBank
+from dtwin.monitoring.tracking import samples
 from dtwin.monitoring.tracking.moments import Moment
 from dtwin.monitoring.tracking.samples import Tape
 from dtwin.twin.compiled import kernel
@@ -92,6 +95,34 @@ class Batch(NamedTuple):
     doubted: int
 
 
+class Columns(NamedTuple):
+    """What became of N samples, a row each, as in `Moment`."""
+
+    volts: Array
+    doubt: Array
+    measured: Array
+    used: Flags
+    fresh: Flags
+    counts: Flags
+    likelihood: Array
+
+    @classmethod
+    def of(cls, count: int) -> Self:
+        """Room for so many samples."""
+        used, fresh = np.empty((2, count, 3), dtype=bool)
+        volts, measured, counts = np.empty((count, 3)), np.empty((count, 3)), np.empty(count, dtype=bool)
+        return cls(volts, np.empty(count), measured, used, fresh, counts, np.empty(count))
+
+
+class Watched(NamedTuple):
+    """The arrays of what watches an arm; they change in place."""
+
+    filter: FilterArrays
+    motion: MotionArrays
+    readings: ReadingsArrays
+    traces: Traces
+
+
 def follow(
     estimator: Estimator, readings: Readings, bank: SignatureBank, threshold: float, batch: Batch, tape: Tape
 ) -> Stretch:
@@ -105,39 +136,17 @@ def follow(
         batch: the samples.
         tape: receives what is made of the samples, but for the last one.
     """
-    told, count = batch.told, len(batch.told)
-    volts, angles, (used, fresh) = np.empty((count, 3)), np.empty((count, 3)), np.empty((2, count, 3), dtype=bool)
-    doubts, likelihoods, counted = np.empty(count), np.empty(count), np.empty(count, dtype=bool)
-    past = bank.room(estimator)
-    done, doubted, concluded = _work(
-        told,
-        batch.command,
-        batch.first,
-        threshold,
-        batch.doubted,
-        estimator.gripped,
-        estimator.belief.error.pushing,
-        estimator.arrays(),
-        estimator.motion_arrays(),
-        readings.arrays(),
-        bank.traces,
-        past,
-        volts,
-        doubts,
-        angles,
-        used,
-        fresh,
-        likelihoods,
-        counted,
-        tape,
-    )
-    readings.took(told[done - 1, :3], angles[done - 1])
+    columns, past = Columns.of(len(batch.told)), bank.room(estimator)
+    watched = Watched(estimator.arrays(), estimator.motion_arrays(), readings.arrays(), bank.traces)
+    pushing = estimator.belief.error.pushing
+    done, doubted, concluded = _work(watched, batch, threshold, pushing, columns, past, tape)
+    readings.took(batch.told[done - 1, :3], columns.measured[done - 1])
     bank.adopt(estimator, past)
-    held = np.full(count, estimator.gripped)
-    return Stretch(done, (volts, held, doubts, angles, used, fresh, counted, likelihoods), doubted, concluded)
+    volts, *rest = columns
+    return Stretch(done, (volts, np.full(len(volts), estimator.gripped), *rest), doubted, concluded)
 
 
-@kernel
+@kernel(uses=(arrays,))
 def in_doubt(left: int, doubt: float, f: FilterArrays) -> int:
     """The number of samples from the last one on that are no evidence after a command that was in doubt.
 
@@ -157,141 +166,92 @@ def in_doubt(left: int, doubt: float, f: FilterArrays) -> int:
     return max((min(left, UNSETTLED) if known else left) - 1, 0)
 
 
-@kernel(uses=(kernels, motion, traces, sensing))
+class _Room(NamedTuple):
+    """Room for what is made of a sample on the way.
+
+    Attributes:
+        possible: (33,), states within their bounds.
+        end: (6,), angles and velocities at the end of the sample, rad and rad/s.
+        torque, displaced, slowed: (3,), see `kernels.disturb`.
+        eccentric: (3,), what eccentric encoders add, rad.
+        angles, deviation: (3,), the readings that are expected and their standard deviations, rad.
+    """
+
+    possible: Array
+    end: Array
+    torque: Array
+    displaced: Array
+    slowed: Array
+    eccentric: Array
+    angles: Array
+    deviation: Array
+
+
+@kernel(uses=(kernels, motion))
+def _predict(f: FilterArrays, m: MotionArrays, volts: Array, doubt: float, room: _Room) -> None:
+    """Carries an estimator over a sample, and writes the readings that are expected at its end."""
+    kernels.bound(f.x, f.least, f.most, m.gripped, room.possible)
+    motion.carry(room.possible, volts, m, room.end, f.F)
+    kernels.carry(f.x, room.end, f.memory, f.growth)
+    kernels.disturb(f, volts, m.later, doubt, room.torque, room.displaced, room.slowed)
+    kernels.predict(f, room.torque, room.displaced, room.slowed)
+    motion.eccentricity(f.x[:3], f.sine, f.cosine, room.eccentric)
+    kernels.expect(f.x, f.P, room.eccentric, f.noise, room.angles, room.deviation)
+
+
+@kernel(uses=(arrays,))
+def _remember(past: Past, place: int, f: FilterArrays, m: MotionArrays) -> None:
+    """Notes what an estimator is now."""
+    past.known[place] = True
+    past.x[place], past.P[place], past.swing[place] = f.x, f.P, f.swing
+    past.command[place], past.handling[place] = f.command, f.handling
+    past.commands[place], past.acting[place], past.mean[place] = m.commands, m.acting, m.mean
+
+
+@kernel(uses=(arrays, traces, samples))
+def _record(tape: Tape, k: int, f: FilterArrays, t: Traces, used: Flags) -> None:
+    """Writes row k of a tape."""
+    tape.innovation[k], tape.variance[k], tape.used[k] = f.innovation, f.variance, used
+    tape.score[k], tape.information[k] = f.score, f.information
+    tape.statistic[k] = traces.largest(t)
+    traces.largest_of_each(t, tape.statistics[k])
+
+
+@kernel(uses=(arrays, kernels, motion, samples, sensing, traces))
 def _work(
-    told: Array,
-    command: Array,
-    first: int,
-    threshold: float,
-    doubted: int,
-    gripped: bool,
-    grip: float,
-    f: FilterArrays,
-    m: MotionArrays,
-    r: ReadingsArrays,
-    t: Traces,
-    past: Past,
-    volts: Array,
-    doubts: Array,
-    angles: Array,
-    used: Flags,
-    fresh: Flags,
-    likelihoods: Array,
-    counted: Flags,
-    tape: Tape,
+    watched: Watched, batch: Batch, threshold: float, pushing: float, columns: Columns, past: Past, tape: Tape
 ) -> tuple[int, int, bool]:
     """What `follow` does; returns the samples taken in, those still to come that are no evidence, and whether the
-    last one was concluded."""
-    possible, end = np.empty(SIZE), np.empty(6)
-    torque, displaced, eccentric = np.empty(3), np.empty(3), np.empty(3)
-    expected, deviations, slowed = np.empty(3), np.empty(3), np.empty(3)
-    last, held = r.last.copy(), command.copy()
+    last one was concluded. While jaws close on nothing yet, torques are in doubt by `pushing`, N m."""
+    f, m, r, t = watched.filter, watched.motion, watched.readings, watched.traces
+    torques, readings = np.empty((3, 3)), np.empty((3, 3))
+    room = _Room(
+        np.empty(SIZE), np.empty(6), torques[0], torques[1], torques[2], readings[0], readings[1], readings[2]
+    )
+    evidence = Evidence(f.x, f.least, f.friction, f.F, f.gains, f.score, f.information, f.memory, f.growth)
+    doubted, held = batch.doubted, batch.command.copy()
     past.known[:] = False
-    for k in range(len(told)):
-        measured = told[k, :3]
-        volts[k], doubts[k] = held[:3], grip if held[3] < 0.0 and not gripped else 0.0
-        held[:] = told[k, 3:]
-        sensing.apply(
-            measured,
-            last,
-            r.known,
-            r.resolution,
-            r.deviation,
-            r.noisy,
-            r.has_repeated,
-            r.repeated,
-            r.dithered,
-            r.new,
-            angles[k],
-        )
-        last[:], fresh[k] = measured, r.new
-        kernels.bound(f.x, f.least, f.most, gripped, possible)
-        motion.carry(possible, volts[k], m, end, f.F)
-        kernels.carry(f.x, end, f.memory, f.growth)
-        kernels.disturb(f, volts[k], m.later, doubts[k], torque, displaced, slowed)
-        kernels.predict(f.P, f.F, torque, displaced, slowed, f.walk, f.memory, f.growth)
-        motion.eccentricity(f.x[:3], f.sine, f.cosine, eccentric)
-        kernels.expect(f.x, f.P, eccentric, f.noise, expected, deviations)
-        sensing.judge(
-            expected,
-            deviations,
-            True,
-            last,
-            angles[k],
-            r.new,
-            r.repeated,
-            r.resolution,
-            r.deviation,
-            r.dithered,
-            r.far,
-            r.since,
-            r.frozen,
-            r.spikes,
-            r.confirmed,
-            r.left_out,
-            r.missed,
-            r.was_near,
-            r.wild,
-            r.pace,
-            used[k],
-        )
-        likelihoods[k] = kernels.correct(
-            f.x,
-            f.P,
-            angles[k] - eccentric,
-            f.noise,
-            f.clip,
-            used[k],
-            f.lower,
-            f.upper,
-            f.gains,
-            f.innovation,
-            f.variance,
-            f.score,
-            f.information,
-        )
+    for k in range(len(batch.told)):
+        volts, angles, used = columns.volts[k], columns.measured[k], columns.used[k]
+        volts[:], doubt = held[:3], pushing if held[3] < 0.0 and not m.gripped else 0.0
+        held[:] = batch.told[k, 3:]
+        sensing.apply(r, batch.told[k, :3], angles)
+        columns.doubt[k], columns.fresh[k] = doubt, r.new
+        _predict(f, m, volts, doubt, room)
+        sensing.judge(r, Expected(room.angles, room.deviation, True), angles, used)
+        likelihood = kernels.correct(f, angles - room.eccentric, used)
+        columns.likelihood[k] = likelihood
         odd = False
         for i in range(3):
             odd = odd or r.frozen[i] or r.left_out[i]
-        if odd or not likelihoods[k] > LEAST_LIKELY:
+        if odd or not likelihood > LEAST_LIKELY:
             return k + 1, doubted, False
-        doubted = in_doubt(doubted, doubts[k], f)
-        counted[k] = not doubted
-        place = traces.accumulate(
-            t.E,
-            t.h,
-            t.J,
-            t.precision,
-            t.least,
-            t.allowance,
-            t.at_once,
-            t.rows,
-            t.samples,
-            t.order,
-            t.gaps,
-            f.x,
-            f.least,
-            f.friction,
-            f.F,
-            f.gains,
-            f.score,
-            f.information,
-            f.memory,
-            f.growth,
-            used[k],
-            r.new,
-            first + k,
-            counted[k],
-        )
-        past.known[place] = True
-        past.x[place], past.P[place], past.swing[place] = f.x, f.P, f.swing
-        past.command[place], past.handling[place] = f.command, f.handling
-        past.commands[place], past.acting[place], past.mean[place] = m.commands, m.acting, m.mean
+        doubted = in_doubt(doubted, doubt, f)
+        columns.counts[k] = not doubted
+        place = traces.accumulate(t, evidence, used, r.new, batch.first + k, not doubted)
+        _remember(past, place, f, m)
         if len(tape.statistic):
-            tape.innovation[k], tape.variance[k], tape.used[k] = f.innovation, f.variance, used[k]
-            tape.score[k], tape.information[k] = f.score, f.information
-            tape.statistic[k] = traces.largest(t.h, t.J, t.precision, t.least, t.allowance)
-            traces.largest_of_each(t.h, t.J, t.precision, t.least, tape.statistics[k])
-        if traces.exceed(t.h, t.J, t.precision, t.least, t.allowance, threshold):
+            _record(tape, k, f, t, used)
+        if traces.exceed(t, threshold):
             return k + 1, doubted, True
-    return len(told), doubted, True
+    return len(batch.told), doubted, True

@@ -18,14 +18,16 @@ from numpy.typing import NDArray
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.ports import EMULATOR, PATH, sensor_values
 from dtwin.controller.sequence import HELP
+from dtwin.emulation import states
 from dtwin.emulation.emulation import Emulation
+from dtwin.emulation.states import Free
 from dtwin.errors import DivergenceError
 from dtwin.logs.collecting import RunLog
 from dtwin.logs.log import NUMBERS
 from dtwin.parameters import PERIOD
 from dtwin.signals import StepRecord
 from dtwin.twin import closed_loop
-from dtwin.twin.closed_loop import FINISHED, exchange
+from dtwin.twin.closed_loop import FINISHED, Blocks, exchange
 from dtwin.twin.compiled import kernel
 from iec61499.native.resource import NativeResource
 
@@ -54,80 +56,46 @@ def _step(typing: Any, function: Any, model: Any, data: Any) -> Any:
     return types.void(types.int64, types.int64, types.int64), generate
 
 
-@kernel(uses=(closed_loop,), nogil=True)
-def advance(
-    step: int,
-    model: int,
-    data: int,
-    substeps: int,
-    steps: int,
-    due: int,
-    rate: float,
-    payload: float,
-    limits: Array,
-    function: int,
-    unit: int,
-    request: NDArray[np.uint8],
-    answer: NDArray[np.uint8],
-    memory: Array,
-    path: NDArray[np.int64],
-    watched: NDArray[np.int32],
-    errors: Array,
-    sensed: Array,
-    q: Array,
-    w: Array,
-    control: Array,
-    read: Array,
-    rows: Array,
-) -> tuple[int, int]:
+@kernel(uses=(closed_loop, states), nogil=True)
+def advance(plant: Free, b: Blocks, watched: NDArray[np.int32], sensed: Array, rows: Array) -> tuple[int, int]:
     """Lets the blocks and the plant go on for at most N ticks.
 
     Args:
-        step, model, data: addresses of `mj_step` and of its arguments.
-        substeps: number of integration steps in a tick.
-        steps: number of integration steps so far.
-        due: number of steps at which something happens to the cell.
-        rate: integration steps in a second.
-        payload: mass at the tip, kg.
-        limits: (4,), largest sum of absolute commands (V), largest sum of the state, and the angles between which the
-            gripper moves (rad).
-        function, unit, request, answer: as for `cell_loop.work`.
-        memory: the blocks' state as float64, of which `path` (3,) are the places of the desired angles.
+        plant: the plant; what it reads is replaced unless the state is lost.
+        b: the blocks, as for `cell_loop.work`.
         watched: variables of the blocks, such as the one that says for what they call.
-        errors: (N, 4), what the encoders add to the angles, rad.
-        sensed: (4,), what they read now, rad; replaced.
-        q, w, control: (4,), of the plant: angles (rad), velocities (rad/s) and voltages (V).
-        read: (8,), angles and velocities as they were read last; replaced unless they are lost.
+        sensed: (4,), what the encoders read now, rad; replaced.
         rows: (N, 19), receives the NUMBERS of the log.
 
     Returns:
         The number of ticks done, and FINISHED, HANDED_OVER, LOST (in the last tick done) or what the function of the
         blocks returned (in the tick after these).
     """
-    numbers, volts = request[:_GRIPPED].view(np.float64), answer[:_GRIPPED].view(np.float64)
-    requested, answered = request.ctypes.data, answer.ctypes.data
-    gripped, before = answer[_GRIPPED], watched.copy()
+    q, w, read, limits, steps = plant.q, plant.w, plant.read, plant.limits, plant.steps
+    numbers, volts = b.request[:_GRIPPED].view(np.float64), b.answer[:_GRIPPED].view(np.float64)
+    requested, answered = b.request.ctypes.data, b.answer.ctypes.data
+    gripped, before = b.answer[_GRIPPED], watched.copy()
     for k in range(rows.shape[0]):
         numbers[:] = sensed
-        problem = exchange(function, unit, requested, answered)
+        problem = exchange(b.function, b.unit, requested, answered)
         if problem != FINISHED:
             return k, problem
-        asks = answer[_GRIPPED] != gripped
+        asks = b.answer[_GRIPPED] != gripped
         for i in range(len(before)):
             asks |= watched[i] != before[i]
         total = abs(volts[0]) + abs(volts[1]) + abs(volts[2]) + abs(volts[3])
         if asks or not total < limits[0]:
             return k, HANDED_OVER
         row = rows[k]
-        row[0] = steps / rate
+        row[0] = steps / plant.rate
         for i in range(3):
-            row[1 + i], row[4 + i], row[7 + i], row[10 + i] = read[i], read[4 + i], sensed[i], memory[path[i]]
+            row[1 + i], row[4 + i], row[7 + i], row[10 + i] = read[i], read[4 + i], sensed[i], b.memory[b.places[i]]
         for i in range(4):
-            row[13 + i] = control[i] = volts[i]
-        row[17], row[18] = sensed[3], payload
-        for _ in range(substeps):
-            _step(step, model, data)
-        steps += substeps
+            row[13 + i] = plant.control[i] = volts[i]
+        row[17], row[18] = sensed[3], plant.payload
+        for _ in range(plant.substeps):
+            _step(plant.step, plant.model, plant.data)
+        steps += plant.substeps
         total = q[0] + q[1] + q[2] + q[3] + w[0] + w[1] + w[2] + w[3]
         if not -limits[1] < total < limits[1]:
             return k + 1, LOST
@@ -136,8 +104,8 @@ def advance(
             w[3] = 0.0
         for i in range(4):
             read[i], read[4 + i] = q[i], w[i]
-            sensed[i] = q[i] + errors[k, i]
-        if steps >= due:
+            sensed[i] = q[i] + plant.errors[k, i]
+        if steps >= plant.due:
             return k + 1, FINISHED
     return rows.shape[0], FINISHED
 
@@ -163,13 +131,14 @@ class CompiledTicks:
     ) -> None:
         self._emulation, self._controller, self._blocks, self._log = emulation, controller, blocks, log
         self._server = blocks.server(EMULATOR.block)
-        self._function = blocks.function(f"exchange__{EMULATOR.block}")
-        self._memory = blocks.numbers()
-        self._path = np.array([blocks.offset(name) // 8 for name in PATH])
+        function, memory = blocks.function(f"exchange__{EMULATOR.block}"), blocks.numbers()
+        places = np.array([blocks.offset(name) // 8 for name in PATH])
+        request, answer = np.zeros(0, np.uint8), self._server.answer
+        self._arrays = Blocks(function, blocks.address, request, answer, memory, places)
         first, last = sorted(blocks.offset(name) // 4 for name in (HELP, watched))
-        self._watched = self._memory.view(np.int32)[first : last + 1 : max(1, last - first)]
+        self._watched = memory.view(np.int32)[first : last + 1 : max(1, last - first)]
         self._rows = np.empty((_MOST, len(NUMBERS)))
-        self._request, self._box = np.zeros(0, np.uint8), (False, "")
+        self._box = False, ""
 
     def run(self, ticks: int) -> int:
         """Does as many of some ticks as can be done in machine code, and one that cannot if it comes to that.
@@ -183,33 +152,11 @@ class CompiledTicks:
             return 0
         sensors = emulation.read()
         box = sensors.box_present, sensors.box_colour
-        if not len(self._request) or box != self._box:
-            self._request, self._box = self._server.requests([sensor_values(sensors)])[0], box
-        done, problem = advance(
-            plant.step,
-            plant.model,
-            plant.data,
-            plant.substeps,
-            plant.steps,
-            plant.due,
-            plant.rate,
-            plant.payload,
-            plant.limits,
-            self._function,
-            self._blocks.address,
-            self._request,
-            self._server.answer,
-            self._memory,
-            self._path,
-            self._watched,
-            plant.errors,
-            np.array([*sensors.theta, sensors.gripper]),
-            plant.q,
-            plant.w,
-            plant.control,
-            plant.read,
-            rows[: len(plant.errors)],
-        )
+        if not len(self._arrays.request) or box != self._box:
+            request, self._box = self._server.requests([sensor_values(sensors)])[0], box
+            self._arrays = self._arrays._replace(request=request)
+        sensed = np.array([*sensors.theta, sensors.gripper])
+        done, problem = advance(plant, self._arrays, self._watched, sensed, rows[: len(plant.errors)])
         if done:
             self._log.extend(rows[:done], *box, gripped=emulation.gripped)
             emulation.adopt_ticks(done, rows[done - 1])
