@@ -6,10 +6,10 @@ from bisect import bisect_left
 from dataclasses import dataclass
 from typing import Final
 
-from dtwin.errors import ParameterError, choices
+from dtwin.errors import DtwinError, ParameterError, choices
 from dtwin.line.control import Control, Devices, Exchange, OneResource
 from dtwin.line.line import CYCLE, Line
-from dtwin.line.plant import TICKS, LineEvent, MakeVehicle, Plant, check_boxes, emulated_vehicle
+from dtwin.line.plant import TICKS, LineEvent, MakeVehicle, Plant, emulated_vehicle
 from dtwin.line.situation import Situation
 from dtwin.line.station import Station
 from dtwin.line.stations import Crew, emulated
@@ -164,6 +164,17 @@ class Floor:
 def cycles_of(duration: float) -> int:
     """Number of cycles of a duration, s."""
     return round(duration / CYCLE)
+
+
+def check_boxes(plant: Plant) -> None:
+    """Checks that every box is somewhere.
+
+    Raises:
+        DtwinError: boxes are missing, or there are too many.
+    """
+    found = plant.in_line() + len(plant.left) + plant.lost
+    if found != len(plant.boxes):
+        raise DtwinError(f"boxes of the line: expected {len(plant.boxes)}, found {found}")
 
 
 def _phase(vehicle: Vehicle) -> int:

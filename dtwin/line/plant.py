@@ -17,7 +17,6 @@ from typing import Final
 import numpy as np
 
 from dtwin.bus.line.situation import BoxNow, PlantNow, StationNow
-from dtwin.errors import DtwinError
 from dtwin.line.line import CYCLE, FINISHED, Line, Load, VehiclePlan, ZonePlan
 from dtwin.line.station import FREE, HOLDING, OFFERED, Report, Station
 from dtwin.line.track import DIAMETER
@@ -294,14 +293,9 @@ class Plant:
         if slot % 2 == 0:
             box, state.finished = state.finished, 0
             return box
-        if state.report.arm == HOLDING or not state.waits:
-            return 0 if state.report.arm != HOLDING else self._waiting(state)
-        if state.report.arm == OFFERED:
+        if state.report.arm == OFFERED and state.waits:
             state.station.give("take")
             state.report = Report(FREE, state.report.stop, ())
-        return self._waiting(state)
-
-    def _waiting(self, state: StationState) -> int:
         box, state.waits = state.waits, 0
         return box
 
@@ -402,14 +396,3 @@ def place_of(line: Line, zone: ZonePlan, slot: int) -> str:
         number = line.zones.index(zone)
         return line.entry(number) if slot == ENTRY else line.exit(number)
     return zone.stations[(slot - 3) // 2].name
-
-
-def check_boxes(plant: Plant) -> None:
-    """Checks that every box is somewhere.
-
-    Raises:
-        DtwinError: boxes are missing, or there are too many.
-    """
-    found = plant.in_line() + len(plant.left) + plant.lost
-    if found != len(plant.boxes):
-        raise DtwinError(f"boxes of the line: expected {len(plant.boxes)}, found {found}")

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from dtwin.line.control import Control, Exchange
+from dtwin.line.floor import check_boxes
 from dtwin.line.line import CYCLE, Line
-from dtwin.line.plant import Plant, check_boxes
+from dtwin.line.plant import Plant
 from dtwin.line.station import TimedStation, WorkTimes
 
 

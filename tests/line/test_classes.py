@@ -10,8 +10,9 @@ import pytest
 from dtwin.errors import DtwinError
 from dtwin.line.control import Control, Devices, OneResource
 from dtwin.line.file import FOLDER, line_of, load
+from dtwin.line.floor import check_boxes
 from dtwin.line.line import BoxClass, Line
-from dtwin.line.plant import LineEvent, Plant, check_boxes
+from dtwin.line.plant import LineEvent, Plant
 from dtwin.line.run import LineRun, LineSettings
 from dtwin.line.station import FREE, EmulatedStation, Station, TimedStation
 from dtwin.line.stations import replayed

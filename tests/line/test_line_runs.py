@@ -17,8 +17,9 @@ from dtwin.emulation.emulation import Emulation
 from dtwin.errors import DtwinError
 from dtwin.line.control import Control, Devices, OneResource
 from dtwin.line.file import line_of
+from dtwin.line.floor import check_boxes
 from dtwin.line.line import Line
-from dtwin.line.plant import Plant, check_boxes
+from dtwin.line.plant import Plant
 from dtwin.line.records.kept import HISTORY, kept, prepare, read, write
 from dtwin.line.records.report import page, summary
 from dtwin.line.run import LineRun, LineSettings

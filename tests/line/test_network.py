@@ -10,7 +10,8 @@ import pytest
 
 from dtwin.line.control import Control, OneResource
 from dtwin.line.file import line_of
-from dtwin.line.plant import Plant, check_boxes
+from dtwin.line.floor import check_boxes
+from dtwin.line.plant import Plant
 from dtwin.line.station import TimedStation, WorkTimes
 from evidence.line.network import Relay
 from evidence.line.outages import outages

@@ -57,13 +57,13 @@ def _step(typing: Any, function: Any, model: Any, data: Any) -> Any:
 
 
 @kernel(uses=(closed_loop, states), nogil=True)
-def advance(plant: Free, b: Blocks, watched: NDArray[np.int32], sensed: Array, rows: Array) -> tuple[int, int]:
+def advance(plant: Free, b: Blocks, watched: NDArray[np.int64], sensed: Array, rows: Array) -> tuple[int, int]:
     """Lets the blocks and the plant go on for at most N ticks.
 
     Args:
         plant: the plant; what it reads is replaced unless the state is lost.
         b: the blocks, as for `cell_loop.work`.
-        watched: variables of the blocks, such as the one that says for what they call.
+        watched: places among the blocks' state as int32 of variables, such as the one that says for what they call.
         sensed: (4,), what the encoders read now, rad; replaced.
         rows: (N, 19), receives the NUMBERS of the log.
 
@@ -74,7 +74,8 @@ def advance(plant: Free, b: Blocks, watched: NDArray[np.int32], sensed: Array, r
     q, w, read, limits, steps = plant.q, plant.w, plant.read, plant.limits, plant.steps
     numbers, volts = b.request[:_GRIPPED].view(np.float64), b.answer[:_GRIPPED].view(np.float64)
     requested, answered = b.request.ctypes.data, b.answer.ctypes.data
-    gripped, before = b.answer[_GRIPPED], watched.copy()
+    words = b.memory.view(np.int32)
+    gripped, before = b.answer[_GRIPPED], words[watched]
     for k in range(rows.shape[0]):
         numbers[:] = sensed
         problem = exchange(b.function, b.unit, requested, answered)
@@ -82,7 +83,7 @@ def advance(plant: Free, b: Blocks, watched: NDArray[np.int32], sensed: Array, r
             return k, problem
         asks = b.answer[_GRIPPED] != gripped
         for i in range(len(before)):
-            asks |= watched[i] != before[i]
+            asks |= words[watched[i]] != before[i]
         total = abs(volts[0]) + abs(volts[1]) + abs(volts[2]) + abs(volts[3])
         if asks or not total < limits[0]:
             return k, HANDED_OVER
@@ -135,8 +136,7 @@ class CompiledTicks:
         places = np.array([blocks.offset(name) // 8 for name in PATH])
         request, answer = np.zeros(0, np.uint8), self._server.answer
         self._arrays = Blocks(function, blocks.address, request, answer, memory, places)
-        first, last = sorted(blocks.offset(name) // 4 for name in (HELP, watched))
-        self._watched = memory.view(np.int32)[first : last + 1 : max(1, last - first)]
+        self._watched = np.array([blocks.offset(name) // 4 for name in {HELP, watched}])
         self._rows = np.empty((_MOST, len(NUMBERS)))
         self._box = False, ""
 
