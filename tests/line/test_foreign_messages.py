@@ -27,6 +27,7 @@ from dtwin.bus.line.plant import (
     PlantSetUp,
     PlantState,
     PlantWord,
+    SetUpFlow,
     StationAbility,
     ZoneState,
 )
@@ -132,7 +133,7 @@ class OverallPart:
         self.bus = StandIn()
         history = LineFile(folder / "history.jsonl", Decision, "a decision of the line")
         book = Book(folder / "book.jsonl")
-        flow = FlowAnswer({"deburr": "a1", "mark": "a2"}, 150.0, ((10.0, 0), (30.0, 0)))
+        flow = FlowAnswer((SetUpFlow({"deburr": "a1", "mark": "a2"}, 150.0, ((10.0, 0), (30.0, 0))),))
         self.bus.replies = {"line/plant/setup": encode(told), "line/plant/station": encode(told)}
         self.bus.replies |= {f"{name}/twin/zone/flow": encode(flow) for name in ("a", "b")}
         self.part = LiveOverall(LINE, "act", self.bus, book, history, time.monotonic)  # type: ignore[arg-type]
@@ -227,7 +228,7 @@ def test_nothing_that_is_said_to_the_twin_of_a_line_ends_it(
     for _ in range(12):
         if generator.random() < 0.3:
             reply = generator.choice(list(twin.bus.replies))
-            twin.bus.replies[reply] = damaged(told if "plant" in reply else FlowAnswer({}, 0.0), generator)
+            twin.bus.replies[reply] = damaged(told if "plant" in reply else FlowAnswer(()), generator)
         key = generator.choice(list(said))
         twin.send(key, damaged(said[key], generator))
     assert msgspec.json.decode(twin.send("line/twin/overall/state", b""))["stations"]

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dtwin.bus.line.plant import ArmSettings
+from dtwin.bus.line.plant import ArmSettings, FlowQuestion
 from dtwin.errors import DtwinError
 from dtwin.line.file import line_of
 from dtwin.line.run import LineRun, LineSettings
@@ -77,21 +77,19 @@ def test_the_twin_of_a_zone_reckons_with_an_arm_that_is_slower() -> None:
     usual = rehearsed(PLAN)
     slow = WorkTimes(usual.grip, dict.fromkeys(usual.carry, 4.0), dict.fromkeys(usual.back, 3.5))
     nodes["a2"].capability = Capability("slower", tuple(usual.carry), "friction", None, slow)
-    now = both.best(("deburr", "mark"), shared)
-    assert now is not None
-    assert now.assignment == shared, "slower is still better than one arm for both"
+    (now,) = both.flows(FlowQuestion(("deburr", "mark"), shared))
+    assert now.set_up == shared, "slower is still better than one arm for both"
     stuck = WorkTimes(usual.grip, dict.fromkeys(usual.carry, 40.0), dict.fromkeys(usual.back, 40.0))
     nodes["a2"].capability = Capability("slower", tuple(usual.carry), "friction", None, stuck)
-    now = both.best(("deburr", "mark"), shared)
-    assert now is not None
-    assert now.assignment == moved
+    (now,) = both.flows(FlowQuestion(("deburr", "mark"), shared))
+    assert now.set_up == moved
 
 
 @pytest.fixture
 def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """Has zones tell at once what they let through, the same for every way to share the work out."""
     monkeypatch.setattr(zone, "simulated", lambda line, times: 100.0)
-    monkeypatch.setattr(ZoneTwin, "_from", lambda self, now, way, *rest: zone.Flow(dict(way), 100.0))
+    monkeypatch.setattr(ZoneTwin, "_from", lambda self, now, way, *rest: zone.SetUpFlow(dict(way), 100.0))
 
 
 def run_of(fault: str, mode: Mode, duration: float) -> LineRun:

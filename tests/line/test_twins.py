@@ -1,12 +1,11 @@
 """Twins of stations, of zones and of the line: what an arm can still do, and which way to share work out is best."""
 
 import itertools
-from collections.abc import Sequence
 from dataclasses import replace
 
 import pytest
 
-from dtwin.bus.line.plant import Passing
+from dtwin.bus.line.plant import FlowQuestion, SetUpFlow
 from dtwin.line.file import line_of
 from dtwin.line.line import Assignment, Line
 from dtwin.line.run import LineRun, LineSettings
@@ -16,7 +15,7 @@ from dtwin.line.twins.node import NodeTwin
 from dtwin.line.twins.overall import Choice, OverallTwin, predicted
 from dtwin.line.twins.rehearsal import rehearsed
 from dtwin.line.twins.reorganisation import LATER, Doors, Reorganisation
-from dtwin.line.twins.zone import AHEAD, HOUR, Flow, ZoneTwin
+from dtwin.line.twins.zone import AHEAD, HOUR, ZoneTwin, best_first
 from dtwin.monitoring.kinds import parse_fault_id
 from dtwin.monitoring.verdict import Finding, finding
 
@@ -88,16 +87,10 @@ def test_the_twin_of_the_line_takes_the_way_whose_slowest_zone_is_fastest() -> N
 class Charging(Told):
     """A zone whose vehicles charge within an hour, so that it lets fewer boxes through, but with a1 alone."""
 
-    def best(
-        self,
-        operations: tuple[str, ...],
-        now: object,
-        arrivals: object = None,
-        ahead: float = AHEAD,
-        refused: Sequence[Assignment] = (),
-    ) -> Flow | None:
-        ways = [Flow(way, self._after(way, ahead)) for way in self.assignments(operations) if way not in refused]
-        return max(ways, key=lambda flow: flow.rate, default=None)
+    def flows(self, question: FlowQuestion) -> list[SetUpFlow]:
+        ways = self.assignments(question.operations)
+        flows = [SetUpFlow(way, self._after(way, question.ahead)) for way in ways]
+        return sorted(flows, key=lambda flow: -flow.rate)[: question.ways]
 
     def _after(self, way: dict[str, str], ahead: float) -> float:
         charge = ahead > AHEAD and set(way.values()) != {"a1"}
@@ -155,14 +148,23 @@ def test_nothing_is_chosen_when_no_station_is_left() -> None:
     zone._nodes["a2"].stopped("it fails, too")
     other = Told(LINE, 1, {1: 1.0, 2: 1.0, 3: 1.0})
     assert OverallTwin(LINE, [zone, other]).choose(LINE.assignment) is None
-    assert zone.best(("deburr",), {}) is None
+    assert not zone.flows(FlowQuestion(("deburr",), {}))
 
 
 def test_of_ways_that_are_alike_the_one_with_fewest_changes_is_taken() -> None:
     zone = Told(LINE, 0, {2: 100.0})
-    assert zone.best(("deburr", "mark"), {"deburr": "a2", "mark": "a1"}) == Flow(
-        {"deburr": "a2", "mark": "a1"}, 100.0
-    )
+    now = {"deburr": "a2", "mark": "a1"}
+    assert zone.flows(FlowQuestion(("deburr", "mark"), now)) == [SetUpFlow(now, 100.0)]
+
+
+def test_as_many_ways_are_told_as_are_asked_for_and_near_the_best() -> None:
+    flows = [SetUpFlow({"mark": f"a{number}"}, rate) for number, rate in enumerate((100.0, 98.0, 91.0, 89.0), 1)]
+    told = [
+        [flow.rate for flow in best_first(flows, FlowQuestion(("mark",), {"mark": "a2"}, ahead=ahead, ways=ways))]
+        for ahead, ways in ((AHEAD, 1), (HOUR, 1), (AHEAD, 3), (HOUR, 3))
+    ]
+    assert told == [[100.0], [98.0], [100.0, 98.0, 91.0], [98.0, 100.0, 91.0]]
+    assert not best_first((), FlowQuestion((), {}))
 
 
 def test_a_rehearsal_takes_as_long_as_the_arm_does() -> None:
@@ -191,21 +193,13 @@ class Fed:
     def capability(self, station: str) -> Capability:
         return Capability("all", (), "")
 
-    def best(
-        self,
-        operations: tuple[str, ...],
-        now: Assignment,
-        arrivals: Passing | None = None,
-        ahead: float = AHEAD,
-        refused: Sequence[Assignment] = (),
-    ) -> Flow | None:
-        more = 10.0 if arrivals == ((2.0, 0),) else 0.0
+    def flows(self, question: FlowQuestion) -> list[SetUpFlow]:
+        more = 10.0 if question.arrivals == ((2.0, 0),) else 0.0
         flows = [
-            Flow(dict.fromkeys(operations, station), rate + more, ((float(number), 0),))
+            SetUpFlow(dict.fromkeys(question.operations, station), rate + more, ((float(number), 0),))
             for number, (station, rate) in enumerate(self._flows.items(), 1)
         ]
-        left = [flow for flow in flows if flow.assignment not in refused and len(operations) == 2]
-        return max(left, key=lambda flow: flow.rate, default=None)
+        return best_first(flows, question) if len(question.operations) == 2 else []
 
     def rate(self, assignment: Assignment) -> float:
         return 0.0

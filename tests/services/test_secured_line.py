@@ -149,7 +149,7 @@ def test_who_may_speak(folder: Path, who: str, arm: str, topic: Topic, message: 
         (PLANT_SET_UP, "a", "plant", PlantSetUp(0, {}), STATE, ("zone-a",), ("zone-b",)),
         (PLANT_WORD, "line", "plant", PlantWord("a2", "failed", "x"), STATE, ("overall", "console"), ("zone-a",)),
         (PLANT_WORD, "a", "plant", PlantWord("a2", "failed", "x"), STATE, ("zone-a",), ("zone-b",)),
-        (ZONE_FLOW, "a", "zone-a", FlowQuestion((), {}), FlowAnswer({}, 0.0), ("overall",), ("zone-b", "operator")),
+        (ZONE_FLOW, "a", "zone-a", FlowQuestion((), {}), FlowAnswer(()), ("overall",), ("zone-b", "operator")),
         (FAULT, "a2", "plant", FaultRequest(("slip@1",)), Done(0.0, "x"), ("operator",), ("overall", "ai-act")),
     ],
 )

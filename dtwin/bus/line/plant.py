@@ -211,25 +211,36 @@ class FlowQuestion(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
         arrivals: boxes that come from the zone before: when, s from now on, and the number of their class of mass;
             null if there are always more.
         ahead: time that is simulated, s.
-        refused: ways to do them that are not meant, the station of each of its operations.
+        ways: most ways to do them that are told.
     """
 
     operations: Operations
     set_up: SetUps
     arrivals: Passing | None = None
     ahead: float = 400.0
-    refused: Annotated[tuple[SetUps, ...], msgspec.Meta(max_length=WAYS)] = ()
+    ways: Annotated[int, msgspec.Meta(ge=1, le=WAYS)] = 1
+
+
+class SetUpFlow(msgspec.Struct, frozen=True):
+    """What a zone lets through with a set-up.
+
+    Attributes:
+        set_up: station of each of its operations.
+        rate: boxes an hour, those from now on where that is known.
+        left: boxes that leave it from now on, as in `FlowQuestion`, as far as was simulated; null where that is not
+            known.
+    """
+
+    set_up: SetUps
+    rate: float
+    left: Passing | None = None
 
 
 class FlowAnswer(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
     """What it lets through.
 
     Attributes:
-        set_up: station of each of its operations; empty if its stations cannot do them now.
-        rate: boxes an hour.
-        left: boxes that leave it from now on, as in `FlowQuestion`; null where that is not known.
+        flows: with each way, the best first; empty if its stations cannot do the operations now.
     """
 
-    set_up: SetUps
-    rate: float
-    left: Passing | None = None
+    flows: Annotated[tuple[SetUpFlow, ...], msgspec.Meta(max_length=WAYS)]

@@ -93,10 +93,9 @@ def check_question(line: Line, asked: FlowQuestion) -> None:
     if len(set(asked.operations)) < len(asked.operations):
         raise ParameterError(f"operations: expected each one once, got {', '.join(asked.operations)}")
     jobs = {job.name: job.operation for job in line.jobs}
-    for set_up in (asked.set_up, *asked.refused):
-        _among("set_up", set_up, jobs)
-        for name, station in set_up.items():
-            _among(f"set_up.{name}", [station], line.able(jobs[name]))
+    _among("set_up", asked.set_up, jobs)
+    for name, station in asked.set_up.items():
+        _among(f"set_up.{name}", [station], line.able(jobs[name]))
     _check_passing("arrivals", line, asked.arrivals)
     if not 0.0 < asked.ahead <= HOUR:
         raise ParameterError(f"ahead: expected more than 0 and at most {HOUR:g} s, got {asked.ahead:g}")
@@ -110,13 +109,14 @@ def check_answer(line: Line, zone: ZonePlan, asked: FlowQuestion, answer: FlowAn
     """
     own = [station.name for station in zone.stations]
     jobs = {job.name: job.operation for job in line.jobs if job.operation in asked.operations}
-    if answer.set_up and asked.operations:
-        _same("set_up", sorted(jobs), sorted(answer.set_up))
-        for name, station in answer.set_up.items():
-            _among(f"set_up.{name}", [station], [each for each in line.able(jobs[name]) if each in own])
-    if answer.rate < 0.0:
-        raise ParameterError(f"rate: expected 0 at least, got {answer.rate:g}")
-    _check_passing("left", line, answer.left)
+    for flow in answer.flows:
+        if asked.operations:
+            _same("set_up", sorted(jobs), sorted(flow.set_up))
+            for name, station in flow.set_up.items():
+                _among(f"set_up.{name}", [station], [each for each in line.able(jobs[name]) if each in own])
+        if flow.rate < 0.0:
+            raise ParameterError(f"rate: expected 0 at least, got {flow.rate:g}")
+        _check_passing("left", line, flow.left)
 
 
 def check_situation(line: Line, told: PlantSituation) -> None:

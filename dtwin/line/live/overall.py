@@ -9,7 +9,7 @@ from functools import partial
 from typing import Final
 
 from dtwin.bus.line.messages import LineState
-from dtwin.bus.line.plant import FlowAnswer, FlowQuestion, Passing, PlantState, PlantWord, ZoneState
+from dtwin.bus.line.plant import FlowAnswer, FlowQuestion, PlantState, PlantWord, SetUpFlow, ZoneState
 from dtwin.bus.line.topics import ZONE_FLOW, ZONE_STATE
 from dtwin.bus.session import Bus
 from dtwin.bus.topics.topic import CHECKED
@@ -24,7 +24,6 @@ from dtwin.line.twins.ability import Capability
 from dtwin.line.twins.decisions import Absence, Decision, Mode
 from dtwin.line.twins.overall import Choice
 from dtwin.line.twins.reorganisation import Doors, Reorganisation
-from dtwin.line.twins.zone import AHEAD, Flow
 from dtwin.line_file import LineFile
 from dtwin.simulation.proposals.book import Book
 
@@ -101,47 +100,39 @@ class DistantZone:
             return Capability("nothing", (), stopped.why or "the blocks have stopped the arm; why is not known yet")
         return Capability("all", self._places, "its twin does not answer")
 
-    def best(
-        self,
-        operations: tuple[str, ...],
-        now: Assignment,
-        arrivals: Passing | None = None,
-        ahead: float = AHEAD,
-        refused: Sequence[Assignment] = (),
-    ) -> Flow | None:
-        """The way to do some operations that lets most boxes through; None if its stations cannot do them."""
+    def flows(self, question: FlowQuestion) -> Sequence[SetUpFlow]:
+        """The ways to do some operations that let most boxes through, the best first; none if its stations cannot do
+        them."""
         try:
-            answer = self._ask(FlowQuestion(operations, dict(now), arrivals, ahead, tuple(map(dict, refused))))
+            flows = self._ask(question)
         except CommunicationError as error:
-            if refused:
-                return None
             log.warning("zone %s stays as it is: %s", self._name, error)
-            jobs = [job.name for job in self._line.jobs if job.operation in operations]
+            now = question.set_up
+            jobs = [job.name for job in self._line.jobs if job.operation in question.operations]
             share = {name: now[name] for name in jobs if now[name] in self._stations}
             able = all(self.capability(at).ability != "nothing" for at in share.values())
-            return Flow(share, self._bests.get(_key(share), 3600.0)) if able and len(share) == len(jobs) else None
-        if not answer.set_up:
-            return None
-        self._bests[_key(answer.set_up)] = answer.rate
-        return Flow(dict(answer.set_up), answer.rate, answer.left)
+            known = self._bests.get(_key(share), 3600.0)
+            return [SetUpFlow(share, known)] if able and len(share) == len(jobs) else []
+        self._bests |= {_key(flow.set_up): flow.rate for flow in flows}
+        return flows
 
     def rate(self, assignment: Assignment) -> float:
         """Boxes an hour that leave the zone when there are always more, and room for them; 0 if nobody knows."""
         key = _key(assignment)
         if key not in self._rates:
             try:
-                self._rates[key] = self._ask(FlowQuestion((), dict(assignment))).rate
+                self._rates[key] = sum(flow.rate for flow in self._ask(FlowQuestion((), dict(assignment))))
             except CommunicationError as error:
                 log.warning("zone %s: %s", self._name, error)
                 return 0.0
         return self._rates[key]
 
-    def _ask(self, question: FlowQuestion) -> FlowAnswer:
+    def _ask(self, question: FlowQuestion) -> Sequence[SetUpFlow]:
         if not self.present:
             raise UnansweredError(f"the twin of zone {self._name} does not answer")
         answer = self._bus.ask(ZONE_FLOW, question, FlowAnswer, _ANSWER)
         believed(partial(check_answer, self._line, self._zone, question), lambda good: None)(answer)
-        return answer
+        return answer.flows
 
     def _hold(self, state: ZoneState) -> None:
         if self.state is not None and self.state.stations != state.stations:
@@ -202,7 +193,7 @@ class LiveOverall:
         for first in range(len(names)):
             for last in range(first + 1, len(names) + 1):
                 if zone.present:
-                    zone.best(tuple(names[first:last]), self.work.assignment)
+                    zone.flows(FlowQuestion(tuple(names[first:last]), dict(self.work.assignment)))
 
     def look(self) -> None:
         """Does for a moment what is asked, and answers what has come."""

@@ -19,6 +19,7 @@ from dtwin.bus.line.plant import (
     PlantState,
     PlantWord,
     Settings,
+    SetUpFlow,
     StationAbility,
     StationReading,
     ZoneState,
@@ -148,22 +149,23 @@ class LiveZone:
         in_force = dict(self._plant.set_up)
         own = {name for name, at in in_force.items() if at in self._twin.stations}
         share = tuple(dict.fromkeys(job.operation for job in self._line.jobs if job.name in own))
-        flow = self._twin.best(share, in_force)
-        if flow is None:
+        flows = self._twin.flows(FlowQuestion(share, in_force))
+        if not flows:
             why = f"{because}: no station of the zone can do all that is left"
             self._note(Decision(self.time, f"twin of {self._twin.name}", "none possible", why, station))
             return
-        if all(in_force[name] == at for name, at in flow.assignment.items()):
+        best, rate = flows[0].set_up, flows[0].rate
+        if all(in_force[name] == at for name, at in best.items()):
             return
-        moved = ", ".join(f"{n} from {in_force[n]} to {at}" for n, at in flow.assignment.items() if in_force[n] != at)
-        whole = {**in_force, **flow.assignment}
+        moved = ", ".join(f"{n} from {in_force[n]} to {at}" for n, at in best.items() if in_force[n] != at)
+        whole = {**in_force, **best}
         try:
             self._own.ask(PLANT_SET_UP, PlantSetUp(self._plant.version, whole), PlantState)
         except CommunicationError as error:
             log.warning("%s: %s", because, error)
             return
         why = f"{because}, and the twin of the line does not answer: {moved}"
-        self._note(Decision(self.time, f"twin of {self._twin.name}", "set-up", why, station, whole, flow.rate))
+        self._note(Decision(self.time, f"twin of {self._twin.name}", "set-up", why, station, whole, rate))
         self.tell()
 
     def _stop(self, station: str, state: StopState, why: str) -> None:
@@ -198,9 +200,8 @@ class LiveZone:
         check_question(self._line, asked)
         share = {name: at for name, at in asked.set_up.items() if at in self._twin.stations}
         if not asked.operations:
-            return FlowAnswer(share, self._twin.rate(share) if share else 0.0)
-        flow = self._twin.best(asked.operations, asked.set_up, asked.arrivals, asked.ahead, asked.refused)
-        return FlowAnswer({}, 0.0) if flow is None else FlowAnswer(dict(flow.assignment), flow.rate, flow.left)
+            return FlowAnswer((SetUpFlow(share, self._twin.rate(share)),) if share else ())
+        return FlowAnswer(tuple(self._twin.flows(asked)))
 
     def _note(self, decision: Decision) -> None:
         self._decisions.append(decision)

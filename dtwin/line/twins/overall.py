@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Protocol
 
-from dtwin.bus.line.plant import WAYS, Passing
+from dtwin.bus.line.plant import WAYS, FlowQuestion, Passing, SetUpFlow
 from dtwin.line.line import Assignment, Line
 from dtwin.line.station import WorkTimes
 from dtwin.line.twins.ability import Capability
-from dtwin.line.twins.zone import AHEAD, HORIZON, NEAR, Flow, simulated
+from dtwin.line.twins.zone import AHEAD, HORIZON, NEAR, simulated
 
 
 class Zone(Protocol):
@@ -29,19 +28,9 @@ class Zone(Protocol):
     def capability(self, station: str) -> Capability:
         """What the arm of a station can still do."""
 
-    def best(
-        self,
-        operations: tuple[str, ...],
-        now: Assignment,
-        arrivals: Passing | None = None,
-        ahead: float = AHEAD,
-        refused: Sequence[Assignment] = (),
-    ) -> Flow | None:
-        """The way to do some operations that lets most boxes through; None if its stations cannot do them.
-
-        Arrivals are boxes that come from the zone before, None if there are always more; ahead is the time for which
-        that is found out, s; what is refused is not meant.
-        """
+    def flows(self, question: FlowQuestion) -> Sequence[SetUpFlow]:
+        """The ways to do some operations that let most boxes through, the best first; none if its stations cannot do
+        them."""
 
     def rate(self, assignment: Assignment) -> float:
         """Boxes an hour that leave the zone when there are always more, and room for them."""
@@ -125,38 +114,28 @@ class OverallTwin:
         found = []
         for each in shares:
             for flows in self._flows(each, now, ahead):
-                whole = {name: station for flow in flows.values() for name, station in flow.assignment.items()}
+                whole = {name: station for flow in flows.values() for name, station in flow.set_up.items()}
                 rate, slowest = min((flow.rate, name) for name, flow in flows.items())
                 if whole not in refused:
                     found.append(_Way(each, whole, min(3600.0 / self._line.source.every, rate), slowest))
         return found
 
-    def _flows(self, shares: Shares, now: Assignment, ahead: float) -> list[dict[str, Flow]]:
+    def _flows(self, shares: Shares, now: Assignment, ahead: float) -> list[dict[str, SetUpFlow]]:
         """What zones with something to do make of their shares, each with the boxes that the ones before let through.
 
         The best for a zone is not always the best for the zones behind it: at a second look all but the last one are
         tried with other ways, too.
         """
         busy = [(zone, share) for zone, share in zip(self._zones, shares, strict=True) if share]
-        found: list[tuple[dict[str, Flow], Passing | None]] = [({}, None)]
+        found: list[tuple[dict[str, SetUpFlow], Passing | None]] = [({}, None)]
         for number, (zone, share) in enumerate(busy, 1):
             most = WAYS if ahead > AHEAD and number < len(busy) else 1
             found = [
                 ({**before, zone.name: flow}, flow.left)
                 for before, arrivals in found
-                for flow in _choices(partial(zone.best, share, now, arrivals, ahead), most)
+                for flow in zone.flows(FlowQuestion(share, dict(now), arrivals, ahead, most))
             ]
         return [flows for flows, _ in found]
-
-
-def _choices(best: Callable[[Sequence[Assignment]], Flow | None], most: int) -> list[Flow]:
-    """The best ways to do something, so many at most, that are NEAR the very best."""
-    found: list[Flow] = []
-    while len(found) < most and (flow := best([each.assignment for each in found])) is not None:
-        if found and flow.rate < NEAR * found[0].rate:
-            break
-        found.append(flow)
-    return found
 
 
 def changed(before: Assignment, after: Assignment) -> int:

@@ -9,11 +9,11 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from threading import Lock
-from typing import Final
+from typing import Any, Final
 
-from dtwin.bus.line.plant import Passing
+from dtwin.bus.line.plant import FlowQuestion, Passing, SetUpFlow
 from dtwin.line.control import Control, OneResource
 from dtwin.line.line import CYCLE, Assignment, Job, Line
 from dtwin.line.plant import Plant
@@ -44,21 +44,6 @@ SETTLING: Final = 60.0
 """Time after a change of the set-up in which boxes are still where they were before it, s."""
 _AT_ONCE: Final = 1.0
 """Time between boxes where there is always another one, s."""
-
-
-@dataclass(frozen=True, slots=True)
-class Flow:
-    """What comes of an assignment.
-
-    Attributes:
-        assignment: the station of every operation.
-        rate: boxes that leave in an hour, the one from now on where that is known.
-        left: boxes that leave from now on, as far as was simulated; None where that is not known.
-    """
-
-    assignment: dict[str, str]
-    rate: float
-    left: Passing | None = None
 
 
 class ZoneTwin:
@@ -132,49 +117,36 @@ class ZoneTwin:
             if job.operation in node.plan.operations and node.capability.holds(job.load)
         ]
 
-    def best(
-        self,
-        operations: tuple[str, ...],
-        now: Assignment,
-        arrivals: Passing | None = None,
-        ahead: float = AHEAD,
-        refused: Sequence[Assignment] = (),
-    ) -> Flow | None:
-        """The way to do some operations that lets most boxes through; of equals the one with fewest changes.
+    def flows(self, question: FlowQuestion) -> list[SetUpFlow]:
+        """The ways to do some operations that let most boxes through, the best first; of equals the one with fewest
+        changes.
 
         That is counted from what the line is now on, where that is known, else from an empty zone on.
 
         Args:
-            operations: the operations.
-            now: the station of each job now.
-            arrivals: boxes that come from the zone before; None if there are always more.
-            ahead: time that is simulated, s; beyond AHEAD of those ways alone that are NEAR the best until then.
-            refused: ways that are not meant.
+            question: what is to be done. Beyond AHEAD those ways alone are simulated that are NEAR the best until
+                then, and only ways that are NEAR the very best are told.
 
         Returns:
-            None if the stations cannot do them.
+            None at all if the stations cannot do them.
         """
-        ways, situation = [each for each in self.assignments(operations) if each not in refused], self._now()
+        ways, situation = self.assignments(question.operations), self._now()
         if not ways:
-            return None
+            return []
+        ahead, arrivals = question.ahead, question.arrivals
         found = [] if situation is None else [self._from(situation, each, arrivals) for each in ways]
         found = [flow for flow in found if flow.rate]
         if situation is not None and found and ahead > AHEAD:
             near = NEAR * max(flow.rate for flow in found)
-            again = [flow.assignment for flow in found if flow.rate >= near]
+            again = [flow.set_up for flow in found if flow.rate >= near]
             found = [self._from(situation, each, arrivals, ahead) for each in again]
         if not found:  # the blocks take none now: this is the best as soon as they do
-            found = [Flow(each, self.rate(each)) for each in ways]
+            found = [SetUpFlow(each, self.rate(each)) for each in ways]
+        return best_first(found, question)
 
-        def changes(flow: Flow) -> int:
-            return sum(now.get(name) != station for name, station in flow.assignment.items())
-
-        alike = ALIKE if ahead <= AHEAD else ALIKE_LATER
-        most = max(flow.rate for flow in found)
-        good = [flow for flow in found if flow.rate >= alike * most]
-        return min(good, key=lambda flow: (changes(flow), -flow.rate, sorted(flow.assignment.items())))
-
-    def _from(self, now: Situation, assignment: Assignment, arrivals: Passing | None, ahead: float = AHEAD) -> Flow:
+    def _from(
+        self, now: Situation, assignment: Assignment, arrivals: Passing | None, ahead: float = AHEAD
+    ) -> SetUpFlow:
         """What comes of an assignment from a situation on; nothing if the blocks refuse it."""
         stopped = [name for name, node in self._nodes.items() if node.capability.ability == "nothing"]
         change = Change(assignment, {name: node.times for name, node in self._nodes.items()}, stopped)
@@ -182,7 +154,7 @@ class ZoneTwin:
             self._forward = self._forward or Forward(self._line, self._devices)
             left = self._forward.left_zone(self._number, now, change, ahead, arrivals)
         rate = in_an_hour(left or ()) if ahead <= AHEAD else lasting(left or (), ahead)
-        return Flow(dict(assignment), rate, left)
+        return SetUpFlow(dict(assignment), rate, left)
 
     def rate(self, assignment: Assignment) -> float:
         """Boxes an hour that leave the zone when it has filled, there are always more, and room for them."""
@@ -191,6 +163,25 @@ class ZoneTwin:
         if key not in self._known:
             self._known[key] = simulated(zone_alone(self._line, self._number, assignment), times)
         return self._known[key]
+
+
+def best_first(found: Sequence[SetUpFlow], question: FlowQuestion) -> list[SetUpFlow]:
+    """Of what ways bring, the best ones, as many as a question asks for at most, that are NEAR the very best."""
+
+    def preference(flow: SetUpFlow) -> tuple[Any, ...]:
+        changes = sum(question.set_up.get(name) != station for name, station in flow.set_up.items())
+        return changes, -flow.rate, sorted(flow.set_up.items())
+
+    alike = ALIKE if question.ahead <= AHEAD else ALIKE_LATER
+    left, best = list(found), list[SetUpFlow]()
+    while left and len(best) < question.ways:
+        most = max(flow.rate for flow in left)
+        flow = min((each for each in left if each.rate >= alike * most), key=preference)
+        if best and flow.rate < NEAR * best[0].rate:
+            break
+        left.remove(flow)
+        best.append(flow)
+    return best
 
 
 def _in_cycles(times: WorkTimes) -> tuple[int, ...]:
