@@ -166,48 +166,6 @@ def in_doubt(left: int, doubt: float, f: FilterArrays) -> int:
     return max((min(left, UNSETTLED) if known else left) - 1, 0)
 
 
-class _Room(NamedTuple):
-    """Room for what is made of a sample on the way.
-
-    Attributes:
-        possible: (33,), states within their bounds.
-        end: (6,), angles and velocities at the end of the sample, rad and rad/s.
-        torque, displaced, slowed: (3,), see `kernels.disturb`.
-        eccentric: (3,), what eccentric encoders add, rad.
-        angles, deviation: (3,), the readings that are expected and their standard deviations, rad.
-    """
-
-    possible: Array
-    end: Array
-    torque: Array
-    displaced: Array
-    slowed: Array
-    eccentric: Array
-    angles: Array
-    deviation: Array
-
-
-@kernel(uses=(kernels, motion))
-def _predict(f: FilterArrays, m: MotionArrays, volts: Array, doubt: float, room: _Room) -> None:
-    """Carries an estimator over a sample, and writes the readings that are expected at its end."""
-    kernels.bound(f.x, f.least, f.most, m.gripped, room.possible)
-    motion.carry(room.possible, volts, m, room.end, f.F)
-    kernels.carry(f.x, room.end, f.memory, f.growth)
-    kernels.disturb(f, volts, m.later, doubt, room.torque, room.displaced, room.slowed)
-    kernels.predict(f, room.torque, room.displaced, room.slowed)
-    motion.eccentricity(f.x[:3], f.sine, f.cosine, room.eccentric)
-    kernels.expect(f.x, f.P, room.eccentric, f.noise, room.angles, room.deviation)
-
-
-@kernel(uses=(arrays,))
-def _remember(past: Past, place: int, f: FilterArrays, m: MotionArrays) -> None:
-    """Notes what an estimator is now."""
-    past.known[place] = True
-    past.x[place], past.P[place], past.swing[place] = f.x, f.P, f.swing
-    past.command[place], past.handling[place] = f.command, f.handling
-    past.commands[place], past.acting[place], past.mean[place] = m.commands, m.acting, m.mean
-
-
 @kernel(uses=(arrays, traces, samples))
 def _record(tape: Tape, k: int, f: FilterArrays, t: Traces, used: Flags) -> None:
     """Writes row k of a tape."""
@@ -224,10 +182,9 @@ def _work(
     """What `follow` does; returns the samples taken in, those still to come that are no evidence, and whether the
     last one was concluded. While jaws close on nothing yet, torques are in doubt by `pushing`, N m."""
     f, m, r, t = watched.filter, watched.motion, watched.readings, watched.traces
-    torques, readings = np.empty((3, 3)), np.empty((3, 3))
-    room = _Room(
-        np.empty(SIZE), np.empty(6), torques[0], torques[1], torques[2], readings[0], readings[1], readings[2]
-    )
+    possible, end = np.empty(SIZE), np.empty(6)
+    torque, displaced, slowed, eccentric = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    expected = Expected(np.empty(3), np.empty(3), True)
     evidence = Evidence(f.x, f.least, f.friction, f.F, f.gains, f.score, f.information, f.memory, f.growth)
     doubted, held = batch.doubted, batch.command.copy()
     past.known[:] = False
@@ -237,9 +194,15 @@ def _work(
         held[:] = batch.told[k, 3:]
         sensing.apply(r, batch.told[k, :3], angles)
         columns.doubt[k], columns.fresh[k] = doubt, r.new
-        _predict(f, m, volts, doubt, room)
-        sensing.judge(r, Expected(room.angles, room.deviation, True), angles, used)
-        likelihood = kernels.correct(f, angles - room.eccentric, used)
+        kernels.bound(f.x, f.least, f.most, m.gripped, possible)
+        motion.carry(possible, volts, m, end, f.F)
+        kernels.carry(f.x, end, f.memory, f.growth)
+        kernels.disturb(f, volts, m.later, doubt, torque, displaced, slowed)
+        kernels.predict(f, torque, displaced, slowed)
+        motion.eccentricity(f.x[:3], f.sine, f.cosine, eccentric)
+        kernels.expect(f.x, f.P, eccentric, f.noise, expected.angles, expected.deviation)
+        sensing.judge(r, expected, angles, used)
+        likelihood = kernels.correct(f, angles - eccentric, used)
         columns.likelihood[k] = likelihood
         odd = False
         for i in range(3):
@@ -249,7 +212,10 @@ def _work(
         doubted = in_doubt(doubted, doubt, f)
         columns.counts[k] = not doubted
         place = traces.accumulate(t, evidence, used, r.new, batch.first + k, not doubted)
-        _remember(past, place, f, m)
+        past.known[place] = True
+        past.x[place], past.P[place], past.swing[place] = f.x, f.P, f.swing
+        past.command[place], past.handling[place] = f.command, f.handling
+        past.commands[place], past.acting[place], past.mean[place] = m.commands, m.acting, m.mean
         if len(tape.statistic):
             _record(tape, k, f, t, used)
         if traces.exceed(t, threshold):
