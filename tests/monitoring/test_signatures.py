@@ -11,8 +11,8 @@ from dtwin.logs.log import Log
 from dtwin.monitoring.estimation import traces
 from dtwin.monitoring.estimation.belief import Belief, Tail
 from dtwin.monitoring.estimation.estimator import Estimator
-from dtwin.monitoring.estimation.layout import BIAS, DRIFT, MOVING, SIZE, TORQUE, unit_jump
-from dtwin.monitoring.estimation.traces import LONGEST, ONSETS, WIDTH
+from dtwin.monitoring.estimation.layout import BIAS, DRIFT, MOVING, TORQUE, unit_jump
+from dtwin.monitoring.estimation.traces import LONGEST, ONSETS
 from dtwin.monitoring.estimation.tuning import Tuning
 from dtwin.monitoring.kinds import JUMPS, plausible_sizes
 from dtwin.monitoring.offline import Stream, stream
@@ -62,34 +62,20 @@ def test_a_trace_is_the_difference_of_the_innovations(
     size = 1e-6
     jumped = estimator.copy()
     jumped.shift(fault, -size)
-    E = np.zeros((1, SIZE, WIDTH), dtype=np.float32)
-    E[0, :, 3] = unit_jump(fault, estimator.x)
-    h, J, at_once = np.zeros((3, 1, WIDTH))
-    error, total, exact = E[0, :, 3].astype(float), np.zeros(2), np.zeros(2)
+    t = SignatureBank(plausible_sizes(belief.arm)).traces
+    t.E[0, :, 3] = unit_jump(fault, estimator.x)
+    error, total, exact = t.E[0, :, 3].astype(float), np.zeros(2), np.zeros(2)
     for k in range(first + 2, first + 60):
         for each in (estimator, jumped):
             each.predict(seen.volts[k - 1, :3], True)
             each.correct(seen.measured[k], ALL)
-        traces.carry(
-            E,
-            h,
-            J,
-            at_once,
-            estimator.F,
-            estimator.gains,
-            estimator.score,
-            estimator.information,
-            ALL,
-            True,
-            ALL,
-            estimator.memory,
-            estimator.evidence().growth,
-        )
+        traces.carry(t, estimator.evidence(), ALL, True, ALL)
         exact += traced(error, estimator)
         g = (jumped.innovation - estimator.innovation) / size
         expected_h = float(np.sum(g * estimator.innovation / estimator.variance))
         expected_J = float(np.sum(g**2 / estimator.variance))
         total += np.array([expected_h, expected_J])
+    h, J = t.h, t.J
     assert J[0, 3] == pytest.approx(total[1], rel=0.02)
     assert h[0, 3] == pytest.approx(total[0], abs=0.02 * np.sqrt(total[1]) * (1.0 + np.sqrt(total[1])))
     assert (h[0, 3], J[0, 3]) == pytest.approx(exact, rel=1e-5)
