@@ -72,6 +72,24 @@ class FilterArrays(NamedTuple):
     timing: float
 
 
+class Altered(NamedTuple):
+    """What makes an estimator more than a plain one: what is wrong with its arm, and what states were before.
+
+    Attributes:
+        locked: joint that is held where it is, 1 to 3, or 0.
+        scaled: (3,), which encoders have another scale.
+        unsteady: standard deviation of the delay of the commands from sample to sample, samples.
+        clones, C, B: what states were, see `kernels.follow_clones`.
+    """
+
+    locked: int
+    scaled: NDArray[np.bool_]
+    unsteady: float
+    clones: Array
+    C: Array
+    B: Array
+
+
 class Past(NamedTuple):
     """Estimators as they were at some samples, one a row.
 

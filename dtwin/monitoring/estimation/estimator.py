@@ -20,10 +20,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from dtwin.monitoring.estimation import kernels
-from dtwin.monitoring.estimation.arrays import Change, Evidence, FilterArrays, Past
+from dtwin.monitoring.estimation import following, kernels, stepping
+from dtwin.monitoring.estimation.arrays import Altered, Change, Evidence, FilterArrays, Past
 from dtwin.monitoring.estimation.belief import NOISE_FLOOR, Belief
 from dtwin.monitoring.estimation.bounds import bounds, widened
+from dtwin.monitoring.estimation.following import Course, Opening, Rows, Sizes, opening_of
 from dtwin.monitoring.estimation.layout import (
     ARM,
     ARM_NAMES,
@@ -45,7 +46,7 @@ from dtwin.parameters import PERIOD
 Array = NDArray[np.float64]
 
 _OWN: Final = (
-    *("x", "P", "gains", "innovation", "variance", "score", "information", "_walk", "_swing"),
+    *("x", "P", "F", "gains", "innovation", "variance", "score", "information", "_walk", "_swing"),
     *("_command", "handling", "_clones", "_C", "_B", "_growth", "_motion"),
 )
 """what changes in place, of which a copy needs its own"""
@@ -103,7 +104,7 @@ class Estimator:
         self._grip, self._displacement, self._timing = error.grip, error.displacement, error.timing
         self._locked, self.unsteady = 0, 0.0
         self._growth = np.full(3, PERIOD)
-        self._scaled: list[int] = []
+        self._scaled = np.zeros(3, dtype=bool)
         self._least, self._most = bounds(arm, self._motion.arrays(False).rigid)
         self._lower, self._upper = widened(self._least, self._most)
         self.box_mass, self.payload_variance = tuning.box_mass, tuning.box_deviation**2
@@ -139,37 +140,24 @@ class Estimator:
         """Carries the estimate over one period with a command (3,) V held, its torques in doubt by so much (N m)."""
         if gripped != self.gripped:
             self._hold(gripped)
-        possible = np.empty(SIZE)
-        kernels.bound(self.x, self._least, self._most, gripped, possible)
-        end, self.F = self._motion.carry(possible, volts, gripped, self._locked)
-        for i in self._scaled:
-            self._growth[i] = end[i] - possible[i]
-        kernels.carry(self.x, end, self.memory, self._growth)
-        torque, displaced, slowed = np.empty(3), np.empty(3), np.empty(3)
-        kernels.disturb(self.arrays(), volts, self._motion.arrays(gripped).later, doubt, torque, displaced, slowed)
-        kernels.relate(self.P, self.x, self._scaled, -1.0)
-        kernels.predict(self.P, self.F, torque, displaced, slowed, self._walk, self.memory, self._growth)
-        kernels.relate(self.P, self.x, self._scaled, 1.0)
-        if self.unsteady:
-            by_delay = self.unsteady * self.F[:, LATE]
-            self.P[:ARM, :ARM] += np.outer(by_delay, by_delay)
+        stepping.predict(self.arrays(), self.motion_arrays(), self.altered(), volts, doubt)
 
     def freed(self, joint: int, volts: Array, gripped: bool) -> float:
         """The speed that a locked joint (1 to 3) would have after one period if it were free, rad/s."""
-        possible = np.empty(SIZE)
-        kernels.bound(self.x, self._least, self._most, gripped, possible)
-        end, _ = self._motion.copy().carry(possible, volts, gripped, 0)
-        return float(end[W + joint - 1])
+        found: float = stepping.freed(self.arrays(), self._motion.arrays(gripped), joint - 1, volts)
+        return found
 
     def correct(self, measured: Array, used: NDArray[np.bool_]) -> float:
         """Takes in a sample, (3,) rad; returns the logarithm of the likelihood of the readings used."""
-        before = self.x, self.P, measured - self._motion.eccentricity(self.x[:W]), self._noise, self._clip, used
-        found = self.gains, self.innovation, self.variance, self.score, self.information
-        likelihood: float = kernels.correct(*before, self._lower, self._upper, *found)
-        if self._cloned:
-            changed = self._clones, self._C, self._B, self.F, self.gains, self.score, self.variance
-            kernels.follow_clones(*changed, used, self.memory, self._growth)
+        likelihood: float = stepping.correct(self.arrays(), self.altered(), measured, used)
         return likelihood
+
+    def follow(self, rows: Rows, opening: Opening, sizes: Sizes, course: Course, tally: Array) -> None:
+        """Carries the estimate over samples, the gripper unchanged, and adds up what they tell: see `following`."""
+        gripped = bool(rows.gripped[0])
+        if gripped != self.gripped:
+            self._hold(gripped)
+        following.follow(self.arrays(), self.motion_arrays(), self.altered(), rows, opening, sizes, course, tally)
 
     def weigh(self, joint: int) -> float:
         """The logarithm of the likelihood of a reading of a joint (0 to 2) of the last sample that was not used.
@@ -204,10 +192,10 @@ class Estimator:
     @property
     def plain(self) -> bool:
         """Whether all that a sample changes is in `arrays` and `motion_arrays`: nothing is wrong that is known."""
-        return not (self._locked or self._scaled or self._cloned or self.unsteady)
+        return not (self._locked or self._scaled.any() or self._cloned or self.unsteady)
 
     def arrays(self) -> FilterArrays:
-        """What the kernels of a sample work with, of a plain estimator; its own."""
+        """What the kernels of a sample work with; its own."""
         return FilterArrays(
             self.x,
             self.P,
@@ -239,8 +227,12 @@ class Estimator:
             self._timing,
         )
 
+    def altered(self) -> Altered:
+        """What makes it more than a plain one; its own."""
+        return Altered(self._locked, self._scaled, self.unsteady, self._clones, self._C, self._B)
+
     def motion_arrays(self) -> MotionArrays:
-        """What carries the motion of a plain estimator; its own."""
+        """What carries the motion; its own."""
         return self._motion.arrays(self.gripped)
 
     def room(self, count: int) -> Past:
@@ -268,9 +260,11 @@ class Estimator:
         Args:
             deviations: further standard deviations by state, in its unit.
         """
-        for name, deviation in deviations.items():
-            column = deviation * unit_jump(name, self.x)
-            self.P += np.outer(column, column)
+        following.spread(self.P, self.x, opening_of(deviations))
+        self.doubt_box(deviations)
+
+    def doubt_box(self, deviations: Mapping[str, float]) -> None:
+        """Takes the mass of the next box to be as uncertain as that of one whose `payload` is off by a deviation."""
         if "payload" in deviations:
             self.payload_variance = max(self.payload_variance, deviations["payload"] ** 2)
 
@@ -283,10 +277,10 @@ class Estimator:
     def scale(self, joint: int) -> None:
         """Takes the reading of a joint (1 to 3) to be larger than the angle by a share, none so far; it is told by
         the state `scale` of the joint, which takes the place of the drift."""
-        if joint - 1 not in self._scaled:
+        if not self._scaled[joint - 1]:
             self.forget(f"drift{joint}")
             self._make_certain(DRIFT + joint - 1, 0.0)
-            self._scaled = [*self._scaled, joint - 1]
+            self._scaled = self._scaled | (np.arange(3) == joint - 1)
 
     def lock(self, joint: int) -> None:
         """Takes a joint (1 to 3) to be held where it is now, 0 to be free again."""
@@ -336,7 +330,7 @@ class Estimator:
         waits = name == "payload" and not self.gripped
         self._cloned = (*self._cloned, name)
         self._clones = np.append(self._clones, self.box_mass if waits else self.x[index])
-        self._C = np.column_stack((self._C, self.P[index]))
+        self._C = np.ascontiguousarray(np.column_stack((self._C, self.P[index])))
         self._B = np.append(self._B, self.P[index, index])
 
     def forget(self, name: str) -> None:

@@ -19,7 +19,6 @@ derivatives of q and w after a sample by the moving states before it.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from typing import Any, Final
 
 import numpy as np
@@ -206,7 +205,8 @@ def predict(
         P[i, i] += walk[i]
 
 
-def relate(P: Array, x: Array, scaled: Iterable[int], sign: float) -> None:
+@kernel
+def relate(P: Array, x: Array, scaled: Any, sign: float) -> None:
     """Takes out of, or puts into, offsets what they share with the angles that they are proportional to.
 
     While the arm moves, the error of such an offset changes with that of its angle: what is left without it stays.
@@ -214,13 +214,16 @@ def relate(P: Array, x: Array, scaled: Iterable[int], sign: float) -> None:
     Args:
         P: covariance, in place.
         x: state.
-        scaled: indices of the joints whose encoders have another scale.
+        scaled: (3,) bool, the joints whose encoders have another scale.
         sign: -1 takes out, 1 puts in.
     """
-    for i in scaled:
-        share = sign * x[DRIFT + i]
-        P[BIAS + i] += share * P[i]
-        P[:, BIAS + i] += share * P[:, i]
+    for i in range(3):
+        if scaled[i]:
+            share = sign * x[DRIFT + i]
+            for j in range(SIZE):
+                P[BIAS + i, j] += share * P[i, j]
+            for j in range(SIZE):
+                P[j, BIAS + i] += share * P[j, i]
 
 
 @kernel

@@ -206,7 +206,7 @@ def _work(
         )
         last[:], fresh[k] = measured, r.new
         kernels.bound(f.x, f.least, f.most, gripped, possible)
-        motion.carry(possible, volts[k], m, end, f.F)
+        motion.carry(possible, volts[k], m, 0, end, f.F)
         kernels.carry(f.x, end, f.memory, f.growth)
         kernels.disturb(f, volts[k], m.later, doubts[k], torque, displaced, slowed)
         kernels.predict(f.P, f.F, torque, displaced, slowed, f.walk, f.memory, f.growth)

@@ -1,0 +1,96 @@
+"""A whole sample of an estimator, compiled, whatever is wrong with its arm: one call, because what surrounds the
+arithmetic takes longer than the arithmetic where many estimators follow the same samples."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dtwin.monitoring.estimation import derivatives, kernels, motion, rigid, traces
+from dtwin.monitoring.estimation.arrays import Altered, FilterArrays, MotionArrays
+from dtwin.monitoring.estimation.layout import ARM, LATE, SIZE, W
+from dtwin.twin import dry_friction, dynamics, lanes, machine, machine_sensitivity, sensitivity
+from dtwin.twin.compiled import kernel
+
+Array = NDArray[np.float64]
+
+
+@kernel(
+    uses=(
+        derivatives,
+        dry_friction,
+        dynamics,
+        kernels,
+        lanes,
+        machine,
+        machine_sensitivity,
+        motion,
+        rigid,
+        sensitivity,
+        traces,
+    )
+)
+def predict(f: FilterArrays, m: MotionArrays, a: Altered, volts: Array, doubt: float) -> None:
+    """Carries an estimate over one sample in place, see `Estimator.predict`; the gripper is unchanged.
+
+    Args:
+        f, m, a: of the estimator.
+        volts: (3,), command that is held, V.
+        doubt: standard deviation of the torques that the command leaves in doubt, N m.
+    """
+    possible, end = np.empty(SIZE), np.empty(6)
+    torque, displaced, slowed = np.empty(3), np.empty(3), np.empty(3)
+    kernels.bound(f.x, f.least, f.most, m.gripped, possible)
+    motion.carry(possible, volts, m, a.locked, end, f.F)
+    for i in range(3):
+        if a.scaled[i]:
+            f.growth[i] = end[i] - possible[i]
+    kernels.carry(f.x, end, f.memory, f.growth)
+    kernels.disturb(f, volts, m.later, doubt, torque, displaced, slowed)
+    kernels.relate(f.P, f.x, a.scaled, -1.0)
+    kernels.predict(f.P, f.F, torque, displaced, slowed, f.walk, f.memory, f.growth)
+    kernels.relate(f.P, f.x, a.scaled, 1.0)
+    if a.unsteady != 0.0:
+        for i in range(ARM):
+            for j in range(ARM):
+                f.P[i, j] += (a.unsteady * f.F[i, LATE]) * (a.unsteady * f.F[j, LATE])
+
+
+@kernel(uses=(kernels, motion))
+def correct(f: FilterArrays, a: Altered, measured: Array, used: Any) -> float:
+    """Takes a sample into an estimate in place, see `Estimator.correct`; returns the logarithm of its likelihood."""
+    eccentric, angles = np.empty(3), np.empty(3)
+    motion.eccentricity(f.x[:W], f.sine, f.cosine, eccentric)
+    for i in range(3):
+        angles[i] = measured[i] - eccentric[i]
+    likelihood: float = kernels.correct(
+        f.x,
+        f.P,
+        angles,
+        f.noise,
+        f.clip,
+        used,
+        f.lower,
+        f.upper,
+        f.gains,
+        f.innovation,
+        f.variance,
+        f.score,
+        f.information,
+    )
+    if len(a.clones):
+        kernels.follow_clones(a.clones, a.C, a.B, f.F, f.gains, f.score, f.variance, used, f.memory, f.growth)
+    return likelihood
+
+
+@kernel(uses=(derivatives, dry_friction, dynamics, kernels, lanes, machine, machine_sensitivity, motion, rigid))
+def freed(f: FilterArrays, m: MotionArrays, joint: int, volts: Array) -> float:
+    """The speed that a joint (0 to 2) would have after one sample if no joint were locked, rad/s."""
+    possible, end, F = np.empty(SIZE), np.empty(6), np.empty(f.F.shape)
+    kernels.bound(f.x, f.least, f.most, m.gripped, possible)
+    later, commands, acting, mean = m.later.copy(), m.commands.copy(), m.acting.copy(), m.mean.copy()
+    apart = MotionArrays(m.rigid, m.twin, m.vector, m.gripped, later, commands, acting, mean)
+    motion.carry(possible, volts, apart, 0, end, F)
+    return end[W + joint]
