@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Final, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+
+from dtwin.monitoring.estimation.layout import ARM, MOVING, SIZE
 
 Array = NDArray[np.float64]
 
@@ -25,8 +27,8 @@ class Evidence(NamedTuple):
     growth: Array
 
 
-class FilterArrays(NamedTuple):
-    """What the kernels of a sample work with; see `Estimator` and `kernels`.
+class Filter(Protocol):
+    """What the kernels of a sample work with, a record of FILTER; see `Estimator` and `kernels`.
 
     Attributes:
         torque: (3,), variance of the torques that no model knows, (N m)^2.
@@ -37,9 +39,12 @@ class FilterArrays(NamedTuple):
         handling: (5,), samples for which a box is still handled, and for which one may still touch something. Then
             the angles at which a box was gripped, rad: it has left what it stood on once one is far from them. Not
             numbers if none was gripped.
+        scaled: (3,), 1 for encoders that have another scale.
         grip: standard deviation of the torques while a box is handled, N m.
         displacement: standard deviation of what moves an angle without torque, rad.
         timing: standard deviation of the time at which a voltage changes, s.
+        unsteady: standard deviation of the delay of the commands from sample to sample, samples.
+        locked: joint that is held where it is, 1 to 3, or 0.
     """
 
     x: Array
@@ -65,27 +70,43 @@ class FilterArrays(NamedTuple):
     upper: Array
     sine: Array
     cosine: Array
-    memory: float
     growth: Array
+    scaled: NDArray[np.int64]
+    memory: float
     grip: float
     displacement: float
     timing: float
-
-
-class Altered(NamedTuple):
-    """What makes an estimator more than a plain one: what is wrong with its arm, and what states were before.
-
-    Attributes:
-        locked: joint that is held where it is, 1 to 3, or 0.
-        scaled: (3,), which encoders have another scale.
-        unsteady: standard deviation of the delay of the commands from sample to sample, samples.
-        clones, C, B: what states were, see `kernels.follow_clones`.
-    """
-
-    locked: int
-    scaled: NDArray[np.bool_]
     unsteady: float
-    clones: Array
+    locked: int
+
+
+_SHAPES: Final = {
+    **dict.fromkeys(("x", "walk", "least", "most", "lower", "upper"), (SIZE,)),
+    "P": (SIZE, SIZE),
+    "F": (ARM, MOVING),
+    "gains": (3, SIZE),
+    "handling": (5,),
+    **dict.fromkeys(("innovation", "variance", "score", "information", "noise", "clip", "torque", "friction"), (3,)),
+    **dict.fromkeys(("compliance", "swing", "command", "sine", "cosine", "growth"), (3,)),
+}
+_NUMBERS: Final = ("memory", "grip", "displacement", "timing", "unsteady")
+FILTER: Final = np.dtype(
+    [
+        *((name, np.float64, shape) for name, shape in _SHAPES.items()),
+        *((name, np.float64) for name in _NUMBERS),
+        ("scaled", np.int64, (3,)),
+        ("locked", np.int64),
+    ]
+)
+"""All numbers of an estimator in one piece of memory: a kernel is called sooner with one array than with thirty."""
+Filters = NDArray[np.void]
+"""An array with one record of FILTER."""
+
+
+class Clones(NamedTuple):
+    """What states were, see `kernels.follow_clones`."""
+
+    values: Array
     C: Array
     B: Array
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.monitoring.estimation import kernels, motion, stepping
-from dtwin.monitoring.estimation.arrays import Altered, FilterArrays, MotionArrays
+from dtwin.monitoring.estimation.arrays import Clones, Filters, MotionArrays
 from dtwin.monitoring.estimation.layout import BIAS, DRIFT, INDEX, MOVING, SCALE, SIZE, TORQUE, W
 from dtwin.monitoring.estimation.traces import STANDSTILL
 from dtwin.twin.compiled import kernel
@@ -156,18 +156,19 @@ def misfit_after(before: float, score: Array, information: Array, used: Any) -> 
 
 
 @kernel
-def _rests(f: FilterArrays, m: MotionArrays, a: Altered, volts: Array) -> bool:
+def _rests(filters: Filters, m: MotionArrays, volts: Array) -> bool:
     """Whether dry friction would hold the locked joint as well: that it rests is no news then, however much surer
     one is of a joint that is locked."""
-    joint = a.locked - 1
-    return f.friction[joint] > 0.0 and abs(stepping.freed(f, m, joint, volts)) < STANDSTILL
+    joint = filters[0].locked - 1
+    sticks = filters[0].friction[joint] > 0.0
+    return sticks and abs(stepping.freed(filters, m, joint, volts)) < STANDSTILL
 
 
 @kernel(uses=(kernels, motion, stepping))
 def follow(
-    f: FilterArrays,
+    filters: Filters,
     m: MotionArrays,
-    a: Altered,
+    clones: Clones,
     rows: Rows,
     opening: Opening,
     sizes: Sizes,
@@ -177,24 +178,24 @@ def follow(
     """Carries an estimator over samples in place, and adds up what they tell.
 
     Args:
-        f, m, a: of the estimator.
+        filters, m, clones: of the estimator.
         rows: the samples, in which the gripper is as in m.
         opening: what may change in the first of them.
         sizes: what is given back for large changes.
         course: what is special of these samples.
         tally: (10,), what samples have added up to, in place; see TALLY.
     """
-    used, joint = np.empty(3, dtype=np.bool_), course.joint
+    f, used, joint = filters[0], np.empty(3, dtype=np.bool_), course.joint
     stopped = not math.isnan(course.stopped)
     for k in range(len(rows.volts)):
         if k < course.opening:
             spread(f.P, f.x, opening)
-        news = not (a.locked and _rests(f, m, a, rows.volts[k]))
-        stepping.predict(f, m, a, rows.volts[k], rows.doubt[k])
+        news = not (f.locked and _rests(filters, m, rows.volts[k]))
+        stepping.predict(filters, m, rows.volts[k], rows.doubt[k])
         for i in range(3):
             used[i] = rows.used[k, i] and not (stopped and i == joint)
         expected = f.x[W + joint]
-        gain = stepping.correct(f, a, rows.measured[k], used) - rows.likelihood[k]
+        gain = stepping.correct(filters, clones, rows.measured[k], used) - rows.likelihood[k]
         if course.pushing:
             speed = f.x[W + joint]
             work = (speed - expected) * 0.5 * (speed + expected)

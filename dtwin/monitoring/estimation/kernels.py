@@ -24,7 +24,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from dtwin.monitoring.estimation.arrays import FilterArrays
+from dtwin.monitoring.estimation.arrays import Filter
 from dtwin.monitoring.estimation.layout import ARM, BIAS, DRIFT, MOVING, PAYLOAD, SIZE, TORQUE, W
 from dtwin.monitoring.estimation.traces import STANDSTILL
 from dtwin.parameters import PERIOD
@@ -98,7 +98,7 @@ def expect(x: Array, P: Array, eccentricity: Array, noise: Array, angles: Array,
 
 @kernel
 def disturb(
-    f: FilterArrays, volts: Array, later: Array, doubt: float, torque: Array, displaced: Array, slowed: Array
+    f: Filter, volts: Array, later: Array, doubt: float, torque: Array, displaced: Array, slowed: Array
 ) -> None:
     """Writes the variances of what disturbs the arm: torques (3,), (N m)^2, and displacements (3,), rad^2.
 
@@ -214,7 +214,7 @@ def relate(P: Array, x: Array, scaled: Any, sign: float) -> None:
     Args:
         P: covariance, in place.
         x: state.
-        scaled: (3,) bool, the joints whose encoders have another scale.
+        scaled: (3,), not 0 for the joints whose encoders have another scale.
         sign: -1 takes out, 1 puts in.
     """
     for i in range(3):

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.monitoring.estimation import derivatives, kernels, motion, rigid, traces
-from dtwin.monitoring.estimation.arrays import Altered, FilterArrays, MotionArrays
-from dtwin.monitoring.estimation.layout import ARM, LATE, SIZE, W
+from dtwin.monitoring.estimation.arrays import Clones, Filters, MotionArrays
+from dtwin.monitoring.estimation.layout import ARM, LATE, MOVING, SIZE, W
 from dtwin.twin import dry_friction, dynamics, lanes, machine, machine_sensitivity, sensitivity
 from dtwin.twin.compiled import kernel
 
@@ -32,36 +32,37 @@ Array = NDArray[np.float64]
         traces,
     )
 )
-def predict(f: FilterArrays, m: MotionArrays, a: Altered, volts: Array, doubt: float) -> None:
+def predict(filters: Filters, m: MotionArrays, volts: Array, doubt: float) -> None:
     """Carries an estimate over one sample in place, see `Estimator.predict`; the gripper is unchanged.
 
     Args:
-        f, m, a: of the estimator.
+        filters, m: of the estimator.
         volts: (3,), command that is held, V.
         doubt: standard deviation of the torques that the command leaves in doubt, N m.
     """
+    f = filters[0]
     possible, end = np.empty(SIZE), np.empty(6)
     torque, displaced, slowed = np.empty(3), np.empty(3), np.empty(3)
     kernels.bound(f.x, f.least, f.most, m.gripped, possible)
-    motion.carry(possible, volts, m, a.locked, end, f.F)
+    motion.carry(possible, volts, m, f.locked, end, f.F)
     for i in range(3):
-        if a.scaled[i]:
+        if f.scaled[i]:
             f.growth[i] = end[i] - possible[i]
     kernels.carry(f.x, end, f.memory, f.growth)
     kernels.disturb(f, volts, m.later, doubt, torque, displaced, slowed)
-    kernels.relate(f.P, f.x, a.scaled, -1.0)
+    kernels.relate(f.P, f.x, f.scaled, -1.0)
     kernels.predict(f.P, f.F, torque, displaced, slowed, f.walk, f.memory, f.growth)
-    kernels.relate(f.P, f.x, a.scaled, 1.0)
-    if a.unsteady != 0.0:
+    kernels.relate(f.P, f.x, f.scaled, 1.0)
+    if f.unsteady != 0.0:
         for i in range(ARM):
             for j in range(ARM):
-                f.P[i, j] += (a.unsteady * f.F[i, LATE]) * (a.unsteady * f.F[j, LATE])
+                f.P[i, j] += (f.unsteady * f.F[i, LATE]) * (f.unsteady * f.F[j, LATE])
 
 
 @kernel(uses=(kernels, motion))
-def correct(f: FilterArrays, a: Altered, measured: Array, used: Any) -> float:
+def correct(filters: Filters, clones: Clones, measured: Array, used: Any) -> float:
     """Takes a sample into an estimate in place, see `Estimator.correct`; returns the logarithm of its likelihood."""
-    eccentric, angles = np.empty(3), np.empty(3)
+    f, eccentric, angles = filters[0], np.empty(3), np.empty(3)
     motion.eccentricity(f.x[:W], f.sine, f.cosine, eccentric)
     for i in range(3):
         angles[i] = measured[i] - eccentric[i]
@@ -80,15 +81,16 @@ def correct(f: FilterArrays, a: Altered, measured: Array, used: Any) -> float:
         f.score,
         f.information,
     )
-    if len(a.clones):
-        kernels.follow_clones(a.clones, a.C, a.B, f.F, f.gains, f.score, f.variance, used, f.memory, f.growth)
+    if len(clones.values):
+        changed = clones.values, clones.C, clones.B
+        kernels.follow_clones(*changed, f.F, f.gains, f.score, f.variance, used, f.memory, f.growth)
     return likelihood
 
 
 @kernel(uses=(derivatives, dry_friction, dynamics, kernels, lanes, machine, machine_sensitivity, motion, rigid))
-def freed(f: FilterArrays, m: MotionArrays, joint: int, volts: Array) -> float:
+def freed(filters: Filters, m: MotionArrays, joint: int, volts: Array) -> float:
     """The speed that a joint (0 to 2) would have after one sample if no joint were locked, rad/s."""
-    possible, end, F = np.empty(SIZE), np.empty(6), np.empty(f.F.shape)
+    f, possible, end, F = filters[0], np.empty(SIZE), np.empty(6), np.empty((ARM, MOVING))
     kernels.bound(f.x, f.least, f.most, m.gripped, possible)
     later, commands, acting, mean = m.later.copy(), m.commands.copy(), m.acting.copy(), m.mean.copy()
     apart = MotionArrays(m.rigid, m.twin, m.vector, m.gripped, later, commands, acting, mean)

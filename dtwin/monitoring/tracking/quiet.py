@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.monitoring.estimation import kernels, motion, traces
-from dtwin.monitoring.estimation.estimator import Estimator, FilterArrays, Past
+from dtwin.monitoring.estimation.arrays import Filters, Past
+from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.estimation.layout import SIZE, W
 from dtwin.monitoring.estimation.motion import MotionArrays
 from dtwin.monitoring.estimation.traces import STANDSTILL, Traces
@@ -138,7 +139,7 @@ def follow(
 
 
 @kernel
-def in_doubt(left: int, doubt: float, f: FilterArrays) -> int:
+def in_doubt(left: int, doubt: float, filters: Filters) -> int:
     """The number of samples from the last one on that are no evidence after a command that was in doubt.
 
     Jaws that close on a box push the arm, after which its speeds are hardly known. Then it is not known either which
@@ -147,11 +148,11 @@ def in_doubt(left: int, doubt: float, f: FilterArrays) -> int:
     Args:
         left: that number at the sample before.
         doubt: standard deviation of the torques that the command of the last sample leaves in doubt, N m.
-        f: of the estimator after the last sample.
+        filters: of the estimator after the last sample.
     """
     if doubt > 0.0:
         return LONG_UNSETTLED
-    known = True
+    f, known = filters[0], True
     for i in range(3):
         known = known and (f.friction[i] == 0.0 or f.P[W + i, W + i] < STANDSTILL * STANDSTILL)
     return max((min(left, UNSETTLED) if known else left) - 1, 0)
@@ -166,7 +167,7 @@ def _work(
     doubted: int,
     gripped: bool,
     grip: float,
-    f: FilterArrays,
+    filters: Filters,
     m: MotionArrays,
     r: ReadingsArrays,
     t: Traces,
@@ -182,7 +183,7 @@ def _work(
 ) -> tuple[int, int, bool]:
     """What `follow` does; returns the samples taken in, those still to come that are no evidence, and whether the
     last one was concluded."""
-    possible, end = np.empty(SIZE), np.empty(6)
+    f, possible, end = filters[0], np.empty(SIZE), np.empty(6)
     torque, displaced, eccentric = np.empty(3), np.empty(3), np.empty(3)
     expected, deviations, slowed = np.empty(3), np.empty(3), np.empty(3)
     last, held = r.last.copy(), command.copy()
@@ -255,7 +256,7 @@ def _work(
             odd = odd or r.frozen[i] or r.left_out[i]
         if odd or not likelihoods[k] > LEAST_LIKELY:
             return k + 1, doubted, False
-        doubted = in_doubt(doubted, doubts[k], f)
+        doubted = in_doubt(doubted, doubts[k], filters)
         counted[k] = not doubted
         place = traces.accumulate(
             t.E,
