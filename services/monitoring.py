@@ -2,7 +2,8 @@
 
 A sample comes with what acted on the arm after it once the few ticks that are told together have passed, or at once
 to a monitor that may stop the arm, as soon as something has begun.
-What is lost on the way is counted and bridged by the monitor. When the service starts again, it hears again what it
+What is lost on the way is counted and bridged by the monitor; what waits, because the computer is busy, is not lost,
+and how late that makes it is said. When the service starts again, it hears again what it
 has heard before, and so knows what it knew. It may ask the function blocks for a safe stop.
 """
 
@@ -44,6 +45,7 @@ from dtwin.parameters import JointVector, every_joint, joint_vector
 from dtwin.run.options import CellFileOption
 from dtwin.services.parts.readiness.preparation import prepare
 from dtwin.services.parts.stopping.demands import Demands, Failure
+from dtwin.services.parts.watching.behind import Behind
 from dtwin.services.parts.watching.heard import Heard
 from dtwin.services.parts.watching.watch import Watch
 from dtwin.services.service import Link, Service, main
@@ -122,12 +124,12 @@ class Monitoring:
             standing=lambda monitor: frozenset(monitor.findings.current),
             failures=lambda monitor: [Failure.of(finding) for finding in monitor.findings.history],
         )
-        self._time = 0.0
+        self._time, self._behind = 0.0, Behind()
         bus = service.bus
         self._tell_residuals: Callable[[MonitoringResiduals], None] = bus.publisher(RESIDUALS)
-        self._prompt = Prompt(service.inbox.put)
+        self._prompt = Prompt(self._arrived)
         if demands is None:
-            bus.subscribe(TICKS, PassedTicks, following_ticks(service.inbox.put, bus.refuse))
+            bus.subscribe(TICKS, PassedTicks, following_ticks(self._arrived, bus.refuse))
         else:  # Who may stop the arm hears of every tick as soon as it has passed.
             bus.subscribe(SENSORS, Sensors, Following(self._prompt.put, bus.refuse))
             bus.subscribe(VOLTAGES, Voltages, self._prompt.put)
@@ -144,8 +146,15 @@ class Monitoring:
             self._take(item)
             if isinstance(item, list) and watch.running:
                 done += len(item)
+                if said := self._behind.looked(self._time):
+                    log.warning("%s", said)
             if service.report_due() or (done and not before):
                 service.report(watch.state(done), done, time=self._time)
+
+    def _arrived(self, ticks: list[Tick]) -> None:
+        """Takes ticks that come from the bus, on its thread."""
+        self._behind.came(ticks[-1][0].time)
+        self._service.inbox.put(ticks)
 
     def _take(self, item: object) -> None:
         """Takes what comes from the bus, or has come to an earlier process."""

@@ -33,10 +33,10 @@ from scipy.special import erfc, gammaincinv
 
 from dtwin.errors import ParameterError
 from dtwin.identification.machine.record import LEARNED, Healthy, Learned, MachineRecord, Passed
-from dtwin.monitoring.candidate import misfit_after
 from dtwin.monitoring.diagnosis import DECIDED
 from dtwin.monitoring.estimation.belief import Array, Belief, Tail, Unmodelled, commissioned
 from dtwin.monitoring.estimation.estimator import HANDLING, TOUCHING, Estimator
+from dtwin.monitoring.estimation.following import misfit_after
 from dtwin.monitoring.estimation.kernels import swung
 from dtwin.monitoring.estimation.layout import ARM_NAMES, INDEX, MOVING, TORQUE
 from dtwin.monitoring.estimation.tuning import Tuning

@@ -18,11 +18,21 @@ from numpy.typing import NDArray
 
 from dtwin.monitoring.estimation.arrays import Change
 from dtwin.monitoring.estimation.estimator import HANDLING, Estimator
-from dtwin.monitoring.estimation.layout import ARM, INDEX, MOVING, PAYLOAD, TORQUE, W
-from dtwin.monitoring.estimation.traces import STANDSTILL
+from dtwin.monitoring.estimation.following import (
+    BORNE,
+    GIVEN,
+    TAILS,
+    TAKEN,
+    TALLY,
+    Course,
+    Rows,
+    Sizes,
+    opening_of,
+)
+from dtwin.monitoring.estimation.layout import INDEX, PAYLOAD
 from dtwin.monitoring.kinds import BIAS, DRIFT, LATE, SCALE, UNKNOWN, FaultId, reference
 from dtwin.monitoring.signatures import Onset
-from dtwin.monitoring.tracking.moments import Moment, Moments
+from dtwin.monitoring.tracking.moments import Moments
 
 Array = NDArray[np.float64]
 
@@ -30,12 +40,6 @@ RARER: Final = math.log(1000.0)
 """Logarithm of how much rarer two changes at once are than one."""
 _LOST: Final = 0.02
 """Share of a voltage constant, or of 1 kg, that is as good as none."""
-_RECENT: Final = 0.04
-"""Weight of the last sample in the mean of the innovations."""
-_FARTHEST: Final = 25.0
-"""Largest square of an innovation in standard deviations that counts: single readings may be far off."""
-_LARGEST: Final = 50.0**2
-"""Square of a size, relative to a plausible one, from which on it is that of an estimate that diverges."""
 _SEEN: Final = 20
 """Samples in which it shows that a push has ended, or what an arm does without its box."""
 _ALIKE: Final = 0.02
@@ -51,23 +55,6 @@ AT_ONCE: Final = (BIAS, SCALE)
 def is_none(name: str, value: float, estimator: Estimator) -> bool:
     """Whether a parameter of the arm, or the mass of a box, is as good as zero."""
     return abs(value) < max(_LOST * reference(name, estimator.belief.arm), 2.5 * estimator.deviation(name))
-
-
-def misfit_after(before: float, score: Array, information: Array, used: NDArray[np.bool_]) -> float:
-    """The mean square of the last innovations in standard deviations after another sample; 1 of a true model.
-
-    Innovations count as they count for the estimate: of noise with heavy tails, up to where the tails begin.
-
-    Args:
-        before: that mean before the sample.
-        score, information, used: (3,), of the sample, see `Estimator`.
-    """
-    total, count = 0.0, 0
-    for value, variance, counts in zip(score.tolist(), information.tolist(), used.tolist(), strict=True):
-        if counts:
-            total += min(value * value / variance, _FARTHEST)
-            count += 1
-    return before + _RECENT * (total / count - before) if count else before
 
 
 class Candidate:
@@ -113,12 +100,13 @@ class Candidate:
         self.gain = -RARER if other else 0.0
         self.peak = 0.0
         self.misfit = self.worst = 1.0
+        self._tally = np.zeros(TALLY)
         self.sample = onset.sample
         hypothesis = fault.about.hypothesis
         self._opening = 0 if delay and hypothesis == "jump" else onset.gap
         self._lost = fault.states[0] if hypothesis == "loss" else ""
         self._stopping = fault.joint - 1 if hypothesis == "stop" else -1
-        self._stopped: float | None = None
+        self._stopped = math.nan
         self._delay = self._first_delay = delay
         self.caught, self._mass, self._spread = caught, float(onset.estimator.x[PAYLOAD]), sizes.get("payload", 0.0)
         opened = {"jump": (str(fault),), "jumps": fault.states, "scale": fault.states}.get(hypothesis, ())
@@ -132,73 +120,79 @@ class Candidate:
         self._states = (self._lost,) if self._lost else tuple(spreads)
         for name in self._states:
             estimator.remember(name)
-        self._sizes = {name: size for name, size in spreads.items() if name != "payload"}
-        self._tails = 0.0
-        self._work = np.zeros(2)
-        self.everywhere, self._borne = False, np.zeros(3)
+        self.everywhere = False
         self._box: Change | None = None
         self._told: FaultId | None = None
         self._cause: tuple[str, ...] | None = None
         for name, change in (expected or {}).items():
             estimator.shift(self._moved(name), change)
-        self._begun = {name: float(estimator.x[INDEX[name]]) for name in self._sizes}
+        sized = {name: size for name, size in spreads.items() if name != "payload"}
+        states = np.array([INDEX[name] for name in sized], dtype=np.int64)
+        self._sizes = Sizes(states, np.array(list(sized.values()), dtype=float), estimator.x[states])
+        self._changing = opening_of(self._spreads)
         match hypothesis:
             case "hold" if not delay:
                 estimator.lock(fault.joint)
             case "push":
                 estimator.burden(_PUSH, fault.joint)
 
-    def follow(self, moment: Moment) -> None:
-        """Takes in a sample."""
-        estimator = self.estimator
+    def follow(self, rows: Rows) -> None:
+        """Takes in samples."""
         self._told = self._cause = None
-        self.sample += 1
+        self._tally[:TAILS] = self.gain, self.peak, self.misfit, self.worst
+        done, count = 0, len(rows.doubt)
+        while done < count:
+            self._befall(rows, done)
+            stop = done + self._alike(rows.gripped[done:])
+            self._take(rows.part(done, stop))
+            done = stop
+        self.gain, self.peak, self.misfit, self.worst = self._tally[:TAILS].tolist()
+        if self.everywhere and (borne := self._tally[BORNE:]).any():
+            self.fault = FaultId(self.fault.kind, int(borne.argmax()) + 1)
+
+    def _befall(self, rows: Rows, row: int) -> None:
+        """What happens with a sample."""
         if self._delay == 0 and (self._first_delay or self._lost or self._stopping >= 0):
-            self._turn(moment)
+            self._turn(rows.measured[row])
         elif self.caught and self._delay == -self.caught:
             self._catch()
-        self._delay -= 1
-        if self._opening:
-            estimator.spread(self._spreads)
-            self._opening -= 1
-        if "payload" in self._states and estimator.gripped and not moment.gripped:
+        estimator = self.estimator
+        if "payload" in self._states and estimator.gripped and not rows.gripped[row]:
             self._box = estimator.change("payload")
-        news = not (estimator.locked and self._rests(estimator, moment))
-        estimator.predict(moment.volts, moment.gripped, moment.doubt)
-        used = moment.used
-        if self._stopped is not None:
-            used = used.copy()
-            used[self._stopping] = False
-        speed = estimator.x[W:ARM].copy()
-        gain = estimator.correct(moment.measured, used) - moment.likelihood
-        self._count_work(speed)
-        if self._stopped is not None and moment.used[self._stopping]:
-            # One that repeats itself is no news, wherever within its resolution it is taken to be.
-            away = float(moment.measured[self._stopping]) - self._stopped if moment.fresh[self._stopping] else 0.0
-            gain += estimator.chance(self._stopping, away)
-        if not math.isfinite(gain):
-            self.gain = -math.inf
-        elif moment.counts and news:
-            tails = self._given_back()
-            gain, self._tails = gain + tails - self._tails, tails
-            self.gain += gain
-            self.peak = max(self.peak, gain)
-            self.misfit = misfit_after(self.misfit, estimator.score, estimator.information, used)
-            self.worst = max(self.worst, self.misfit)
-            if self.everywhere:
-                self._borne += np.square(estimator.x[TORQUE:MOVING])
-                self.fault = FaultId(self.fault.kind, int(self._borne.argmax()) + 1)
+
+    def _alike(self, gripped: NDArray[np.bool_]) -> int:
+        """The number of samples up to the next at which something happens, which hold a box or not."""
+        count = len(gripped)
+        if count == 1:
+            return 1
+        if self._delay > 0:
+            count = min(count, self._delay)
+        elif self._delay > -self.caught:
+            count = min(count, self._delay + self.caught)
+        changed = np.flatnonzero(gripped[:count] != gripped[0])
+        return int(changed[0]) if len(changed) else count
+
+    def _take(self, rows: Rows) -> None:
+        """Takes in samples in which nothing happens."""
+        count, joint = len(rows.doubt), max(self.fault.joint - 1, 0)
+        pushing = self.fault.about.passing and self._delay > 0
+        if self._opening:
+            self.estimator.doubt_box(self._spreads)
+        course = Course(self._opening, pushing, joint, self._stopped, self.everywhere)
+        self.estimator.follow(rows, self._changing, self._sizes, course, self._tally)
+        self._opening = max(self._opening - count, 0)
+        self._delay -= count
+        self.sample += count
 
     def as_it_is(self) -> Candidate:
         """What it has come to, which does not follow on with it."""
         kept = copy.copy(self)
-        kept.estimator = self.estimator.copy()
+        kept.estimator, kept._tally = self.estimator.copy(), self._tally.copy()
         return kept
 
     def catch_up(self, history: Moments, sample: int) -> None:
         """Takes in all samples since the onset; the last one in the history has the given number."""
-        for moment in history.last(sample - self.onset.sample):
-            self.follow(moment)
+        self.follow(history.rows(sample - self.onset.sample))
 
     @property
     def isolated(self) -> FaultId:
@@ -238,7 +232,7 @@ class Candidate:
     @property
     def brakes(self) -> bool:
         """Whether it is a push that only took energy from its joint: so do friction at one angle and an obstacle."""
-        given, taken = self._work
+        given, taken = self._tally[GIVEN : TAKEN + 1]
         return self.fault.about.passing and bool(given < _GIVEN * taken)
 
     @property
@@ -297,48 +291,18 @@ class Candidate:
         """The state by which one is told to change: the share of a disk that slips offsets nothing at once."""
         return self.fault.named(DRIFT) if self._slips else name
 
-    def _given_back(self) -> float:
-        """What the tails of Cauchy's distribution charge less than those of a normal one for changes so large.
-
-        A box, whose mass starts from several values, has nothing given back.
-        """
-        x, given = self.estimator.x, 0.0
-        for name, size in self._sizes.items():
-            square = min(((float(x[INDEX[name]]) - self._begun[name]) / size) ** 2, _LARGEST)
-            given += max(0.5 * square - math.log1p(square), 0.0)
-        return given
-
-    def _count_work(self, expected: Array) -> None:
-        """Adds up what a push gives to its joint, or takes from it, while it lasts: work over inertia, (rad/s)^2.
-
-        Args:
-            expected: (3,), speeds without it in the last sample, rad/s.
-        """
-        if self.fault.about.passing and self._delay >= 0:
-            joint = self.fault.joint - 1
-            speed = float(self.estimator.x[W + joint])
-            work = (speed - expected[joint]) * 0.5 * (speed + expected[joint])
-            self._work = np.add(self._work, (max(work, 0.0), max(-work, 0.0)))
-
     def _catch(self) -> None:
         """The jaws hold the lost box again: what they are about to grip is the box that there was."""
         estimator = self.estimator
         estimator.box_mass, estimator.payload_variance = self._mass, self._spread**2
         estimator.gripped = False
 
-    def _rests(self, estimator: Estimator, moment: Moment) -> bool:
-        """Whether dry friction would hold the locked joint as well: that it rests is no news then, however much surer
-        one is of a joint that is locked."""
-        joint = estimator.locked
-        sticks = estimator.belief.dry_friction[joint - 1] > 0.0
-        return bool(sticks and abs(estimator.freed(joint, moment.volts, moment.gripped)) < STANDSTILL)
-
-    def _turn(self, moment: Moment) -> None:
-        """What happens after the delay."""
+    def _turn(self, measured: Array) -> None:
+        """What happens after the delay, at a sample with readings (3,), rad."""
         if self._lost:
             self.estimator.lose(self._lost)
         elif self._stopping >= 0:
-            self._stopped = float(moment.measured[self._stopping])
+            self._stopped = float(measured[self._stopping])
         elif self.fault.about.hypothesis == "jump":
             self.estimator.spread(self._spreads)
         elif self.fault.about.hypothesis == "push":

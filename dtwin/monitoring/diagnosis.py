@@ -13,7 +13,9 @@ from collections.abc import Mapping, Sequence
 from typing import Final, Literal
 
 from dtwin.monitoring.candidate import AT_ONCE, Candidate, Conclusion
-from dtwin.monitoring.hypotheses import OF_ENCODER, TORQUES, Retries, changes, lawless, scales, stopped_at_rest, stops
+from dtwin.monitoring.hypotheses import OF_ENCODER, Retries, changes, lawless, scales, stopped_at_rest, stops
+from dtwin.monitoring.isolation.charges import Charges, at_once
+from dtwin.monitoring.isolation.rivals import worth_following
 from dtwin.monitoring.kinds import BIAS, FREEZE, LOCK, MU, SUPPLY, UNKNOWN, FaultId
 from dtwin.monitoring.sensing.resting import Resting
 from dtwin.monitoring.sensing.stopped import StandsStill
@@ -49,7 +51,7 @@ SURE: Final = 0.95
 _HOPELESS: Final = 25.0
 """log-likelihood behind the best at which a candidate is given up"""
 _LOOK: Final = 10
-"""samples after which a reading that is repeated is looked at again"""
+"""samples after which a reading that is repeated is looked at again, and candidates of one cause are compared"""
 _BESIDE: Final = 10
 """samples between two onsets from which on torques without a law are tried at one for the other as well"""
 _SUDDEN: Final = 4
@@ -92,7 +94,7 @@ class Diagnosis:
         misfit: float = 2.0,
         charges: Mapping[str, float] | None = None,
     ) -> None:
-        self._charges, self._sizes = charges or {}, sizes
+        self._charges, self._sizes = Charges(charges or {}), sizes
         self.alarm, self._temper, self._misfit = sample, temper, misfit
         # Where evidence counts for less, it has taken the time that is waited for otherwise.
         self._least = LEAST if temper == 1.0 else LEAST // 2
@@ -129,9 +131,12 @@ class Diagnosis:
         if self._resting.update(moment.measured) and self._temper > 1.0 and not self.certain:
             moment = moment._replace(counts=False)
             self._history.replace_last(moment)
+        rows = self._history.rows(1)
         for candidate in self.candidates:
-            candidate.follow(moment)
+            candidate.follow(rows)
         self._prune()
+        if (age := self._sample - self.alarm) > LEAST and age % _LOOK == 0:
+            self.candidates = worth_following(self.candidates, age)
         self._pair()
         if self._pairs:  # one a sample, because each has to catch up, and the next sample does not wait
             self.candidates.append(self._caught_up(self._pairs.pop()))
@@ -184,10 +189,10 @@ class Diagnosis:
             earlier: log-likelihood by which an earlier diagnosis has found the same.
         """
         best = self.best()[0]
-        once = self._at_once(best) if best.peak >= CERTAIN else 0.0
+        once = at_once(best) if best.peak >= CERTAIN else 0.0
         rest = best.gain - once + earlier
         odds = math.log(SURE / (1.0 - SURE) * (SOONER if self._temper > 1.0 else 1.0))
-        worth = max(rest / self._temper, (rest - self._charge(best)) / min(ALIKE, self._temper))
+        worth = max(rest / self._temper, (rest - self._charges.of(best)) / min(ALIKE, self._temper))
         return self.certain or once + min(rest, worth) > odds
 
     def others(self) -> tuple[tuple[FaultId, float], ...]:
@@ -210,7 +215,7 @@ class Diagnosis:
         return self._ranked
 
     def _rank(self) -> list[tuple[Candidate, float]]:
-        evidence = [self._evidence(candidate) for candidate in self.candidates]
+        evidence = [self._charges.evidence(candidate) for candidate in self.candidates]
         most = max(evidence)
         if not math.isfinite(most):
             return [(self.candidates[0], 0.0)]
@@ -368,22 +373,6 @@ class Diagnosis:
     def _caught_up(self, candidate: Candidate) -> Candidate:
         candidate.catch_up(self._history, self._sample)
         return candidate
-
-    def _evidence(self, candidate: Candidate) -> float:
-        """What speaks for a candidate beyond what the model lacks anyway; an unknown torque may be all of that.
-
-        What an encoder jumps by shows in one sample, and no model lacks that.
-        """
-        return candidate.gain - max(self._charge(candidate) - self._at_once(candidate), 0.0)
-
-    def _charge(self, candidate: Candidate) -> float:
-        """What a candidate has to be more likely by, because what the model lacks was seen to look like its cause."""
-        states = (state for fault in candidate.faults for state in fault.states or map(fault.named, TORQUES))
-        return max(self._charges.get(state, 0.0) for state in states)
-
-    def _at_once(self, candidate: Candidate) -> float:
-        """What one sample tells of an encoder's jump, of which no other sample is a repetition."""
-        return candidate.peak if candidate.fault.kind in AT_ONCE else 0.0
 
     def _prune(self) -> None:
         # A push that has not ended yet allows nearly any motion: beside it nothing is hopeless.

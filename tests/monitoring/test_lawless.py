@@ -13,7 +13,7 @@ from dtwin.monitoring.estimation.tuning import Tuning
 from dtwin.monitoring.hypotheses import LAWLESS, changes, lawless
 from dtwin.monitoring.kinds import FaultId, parse_fault_id, plausible_sizes
 from dtwin.monitoring.signatures import Onset, Suspicion
-from dtwin.monitoring.tracking.moments import Moment, Moments
+from dtwin.monitoring.tracking.moments import Moment, Moments, rows_of
 
 ALL = np.ones(3, dtype=bool)
 HANGING = np.array([-0.5 * np.pi, 0.0, 0.0])
@@ -44,7 +44,7 @@ def test_each_joint_and_all_have_torques_of_every_size(belief: Belief) -> None:
 def test_torques_on_all_joints_are_told_of_the_one_that_bears_most(belief: Belief) -> None:
     found = Candidate.lawless(FaultId("unknown", 1), _onset(belief), plausible_sizes(belief.arm), 0.3, 1, 2, 3)
     for sample in range(1, 12):
-        found.follow(_moment(HANGING + np.array([0.0, 0.0, 2.0 * (0.01 * sample) ** 2])))
+        found.follow(rows_of([_moment(HANGING + np.array([0.0, 0.0, 2.0 * (0.01 * sample) ** 2]))]))
     assert str(found.fault) == "unknown3"
 
 
@@ -52,10 +52,10 @@ def test_a_push_that_has_ended_leaves_a_healthy_arm(belief: Belief) -> None:
     onset = _onset(belief)
     push = Candidate(FaultId("push", 2), onset, plausible_sizes(belief.arm), delay=2)
     healthy = onset.estimator.P[TORQUE + 1, TORQUE + 1]
-    push.follow(_moment(HANGING))
+    push.follow(rows_of([_moment(HANGING)]))
     assert push.estimator.P[TORQUE + 1, TORQUE + 1] > healthy + 0.02
     for _ in range(3):
-        push.follow(_moment(HANGING))
+        push.follow(rows_of([_moment(HANGING)]))
     assert push.estimator.P[TORQUE + 1, TORQUE + 1] == pytest.approx(healthy, abs=1e-12)
 
 

@@ -15,7 +15,7 @@ from dtwin.monitoring.estimation.tuning import Tuning
 from dtwin.monitoring.hypotheses import changes
 from dtwin.monitoring.kinds import FaultId, parse_fault_id, plausible_sizes
 from dtwin.monitoring.signatures import Onset, Suspicion
-from dtwin.monitoring.tracking.moments import Moment, Moments
+from dtwin.monitoring.tracking.moments import Moment, Moments, rows_of
 
 ALL = np.ones(3, dtype=bool)
 HANGING = np.array([-0.5 * np.pi, 0.0, 0.0])
@@ -46,7 +46,7 @@ def _moments(belief: Belief, lost: float, weaker: float = 0.0) -> list[Moment]:
 
 def _gain(candidate: Candidate, moments: list[Moment]) -> float:
     for moment in moments:
-        candidate.follow(moment)
+        candidate.follow(rows_of([moment]))
     return candidate.gain
 
 

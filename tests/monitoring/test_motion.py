@@ -15,7 +15,7 @@ from dtwin.monitoring.estimation.traces import STANDSTILL
 from dtwin.monitoring.estimation.tuning import Tuning
 from dtwin.monitoring.kinds import parse_fault_id, plausible_sizes
 from dtwin.monitoring.signatures import Onset
-from dtwin.monitoring.tracking.moments import Moment
+from dtwin.monitoring.tracking.moments import Moment, rows_of
 from dtwin.parameters import PERIOD, ArmParameters
 from dtwin.twin.effects import Effects
 from dtwin.twin.machine import machine_rollout, vector_of
@@ -229,5 +229,5 @@ def test_that_a_joint_rests_tells_of_a_lock_only_where_friction_would_not_hold_i
     locked = Candidate(parse_fault_id("lock2"), Onset(0, 1, estimator), plausible_sizes(belief.arm))
     assert (abs(locked.estimator.freed(2, command, False)) > STANDSTILL) == news
     every = np.ones(3, dtype=bool)
-    locked.follow(Moment(command, False, 0.0, hanging, every, every, True, -1000.0))
+    locked.follow(rows_of([Moment(command, False, 0.0, hanging, every, every, True, -1000.0)]))
     assert (locked.gain > 0.0) == news

@@ -20,6 +20,7 @@ from dtwin.monitoring.estimation.layout import BIAS, INDEX, SIZE, W
 from dtwin.monitoring.estimation.traces import WIDTH
 from dtwin.monitoring.estimation.tuning import Tuning
 from dtwin.monitoring.findings import Findings
+from dtwin.monitoring.isolation.charges import Charges
 from dtwin.monitoring.kinds import JUMPS, parse_fault_id, plausible_sizes
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import stream
@@ -156,7 +157,7 @@ def test_tempered_evidence_leaves_more_causes_and_earns_less(belief: Belief) -> 
 def test_what_a_healthy_arm_never_showed_of_a_cause_earns_more(belief: Belief, fault: str, enough: bool) -> None:
     """The model lacks much, but nothing that looks as if commands were late."""
     found = diagnosis(belief, {fault: 70.0}, 3.0 * ALIKE)
-    found._charges = {"late": 7.0, "mu1": 240.0}
+    found._charges = Charges({"late": 7.0, "mu1": 240.0})
     assert found.earned() == enough
 
 
@@ -182,7 +183,7 @@ def test_what_is_neither_confirmed_nor_refuted_is_examined_for_longer(
 def test_what_one_sample_tells_of_an_encoder_is_nothing_that_a_model_lacks(belief: Belief) -> None:
     """A wrong scale and an offset jump alike, though a lacking model looks like a drift, and so like a scale."""
     found = diagnosis(belief, {"bias3": 500.0})
-    found._charges = {"bias3": 0.0, "scale3": 100.0}
+    found._charges = Charges({"bias3": 0.0, "scale3": 100.0})
     (offset,) = found.candidates
     scale = Candidate(parse_fault_id("scale3"), offset.onset, plausible_sizes(belief.arm))
     scale.gain = offset.gain
@@ -437,7 +438,7 @@ def test_the_sample_in_which_an_encoder_jumps_and_what_speaks_against_it_count_i
     monkeypatch: pytest.MonkeyPatch, kind: str, peak: float, rest: float, enough: bool
 ) -> None:
     diagnosis = object.__new__(Diagnosis)
-    diagnosis._temper, diagnosis._charges, diagnosis.certain = ALIKE, {}, False
+    diagnosis._temper, diagnosis._charges, diagnosis.certain = ALIKE, Charges({}), False
     fault = parse_fault_id(f"{kind}2")
     found = SimpleNamespace(fault=fault, faults=(fault,), gain=peak + rest, peak=peak)
     monkeypatch.setattr(diagnosis, "best", lambda: (found, 0.5))

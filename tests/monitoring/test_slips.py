@@ -20,7 +20,7 @@ from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import stream
 from dtwin.monitoring.sensing.gripper import GripperWatch
 from dtwin.monitoring.signatures import Onset, Suspicion
-from dtwin.monitoring.tracking.moments import Moment, Moments
+from dtwin.monitoring.tracking.moments import Moment, Moments, rows_of
 from dtwin.monitoring.trend import Trend
 
 SLIP = parse_fault_id("slip")
@@ -50,7 +50,7 @@ def test_a_lost_box_is_seen_for_some_samples_after_it_touches_the_arm_no_more(
     candidate = Candidate(parse_fault_id(fault), Onset(0, 1, begun), plausible_sizes(belief.arm))
     seen = 0
     while candidate.waits:
-        candidate.follow(Moment(np.zeros(3), True, 0.0, np.zeros(3), ALL, ALL, True, 0.0))
+        candidate.follow(rows_of([Moment(np.zeros(3), True, 0.0, np.zeros(3), ALL, ALL, True, 0.0)]))
         seen += 1
     assert seen == waits
 

@@ -34,7 +34,7 @@ def test_a_short_log_tells_nothing(belief: Belief, run_cell: Callable[..., Log])
 def test_what_changes_may_wander_as_fast(belief: Belief) -> None:
     """A change of a tenth in 100 s: as far in a minute as a random walk of 0.77 % in a second."""
     usual, warming = belief, replace(belief, rates={"D2": (2e-3, 1e-3)})
-    gained = [Estimator(each, Tuning()).arrays().walk[INDEX["D2"]] for each in (usual, warming)]
+    gained = [Estimator(each, Tuning()).arrays()["walk"][0, INDEX["D2"]] for each in (usual, warming)]
     assert gained[1] / gained[0] == pytest.approx((2e-3 * 60.0**0.5 / Tuning().walk) ** 2)
 
 

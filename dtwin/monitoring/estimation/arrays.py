@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Final, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+
+from dtwin.monitoring.estimation.layout import ARM, MOVING, SIZE
 
 Array = NDArray[np.float64]
 
@@ -37,8 +39,8 @@ class Evidence(NamedTuple):
     growth: Array
 
 
-class FilterArrays(NamedTuple):
-    """What the kernels of a sample work with; see `Estimator` and `kernels`.
+class Filter(Protocol):
+    """What the kernels of a sample work with, a record of FILTER; see `Estimator` and `kernels`.
 
     Attributes:
         x: (33,), mean of the state.
@@ -65,9 +67,12 @@ class FilterArrays(NamedTuple):
         sine, cosine: (3,), what eccentric encoders add, rad.
         memory: share that is left after a sample of a torque that the model does not explain.
         growth: (3,), by what the offsets grow for a unit of the states from DRIFT on, see `layout`.
+        scaled: (3,), 1 for encoders that have another scale.
         grip: standard deviation of the torques while a box is handled, N m.
         displacement: standard deviation of what moves an angle without torque, rad.
         timing: standard deviation of the time at which a voltage changes, s.
+        unsteady: standard deviation of the delay of the commands from sample to sample, samples.
+        locked: joint that is held where it is, 1 to 3, or 0.
     """
 
     x: Array
@@ -93,11 +98,37 @@ class FilterArrays(NamedTuple):
     upper: Array
     sine: Array
     cosine: Array
-    memory: float
     growth: Array
+    scaled: NDArray[np.int64]
+    memory: float
     grip: float
     displacement: float
     timing: float
+    unsteady: float
+    locked: int
+
+
+_SHAPES: Final = {
+    **dict.fromkeys(("x", "walk", "least", "most", "lower", "upper"), (SIZE,)),
+    "P": (SIZE, SIZE),
+    "F": (ARM, MOVING),
+    "gains": (3, SIZE),
+    "handling": (5,),
+    **dict.fromkeys(("innovation", "variance", "score", "information", "noise", "clip", "torque", "friction"), (3,)),
+    **dict.fromkeys(("compliance", "swing", "command", "sine", "cosine", "growth"), (3,)),
+}
+_NUMBERS: Final = ("memory", "grip", "displacement", "timing", "unsteady")
+FILTER: Final = np.dtype(
+    [
+        *((name, np.float64, shape) for name, shape in _SHAPES.items()),
+        *((name, np.float64) for name in _NUMBERS),
+        ("scaled", np.int64, (3,)),
+        ("locked", np.int64),
+    ]
+)
+"""All numbers of an estimator in one piece of memory: a kernel is called sooner with one array than with thirty."""
+Filters = NDArray[np.void]
+"""An array with one record of FILTER."""
 
 
 class Clones(NamedTuple):

@@ -29,11 +29,14 @@ def by_voltages(F: Array, x: Array, volts: Array, later: Array) -> None:
             F[i, LATE] += (1.0 + x[SUPPLY]) * by_volt * later[joint]
 
 
+@kernel
 def hold(x: Array, end: Array, F: Array, joint: int) -> None:
     """Eliminates the torque that holds a locked joint from the derivatives, and what it has moved."""
-    pushed = F[:, TORQUE + joint].copy()
-    if pushed[W + joint]:
-        F -= np.outer(pushed / pushed[W + joint], F[W + joint].copy())
-    F[joint] = F[W + joint] = 0.0
+    pushed, moved = F[:, TORQUE + joint].copy(), F[W + joint].copy()
+    if pushed[W + joint] != 0.0:
+        for i in range(6):
+            F[i] -= pushed[i] / pushed[W + joint] * moved
+    F[joint] = 0.0
+    F[W + joint] = 0.0
     F[joint, joint] = 1.0
     end[joint], end[W + joint] = x[joint], 0.0

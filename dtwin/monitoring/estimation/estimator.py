@@ -20,10 +20,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from dtwin.monitoring.estimation import kernels
-from dtwin.monitoring.estimation.arrays import Change, Clones, Evidence, FilterArrays, Past
+from dtwin.monitoring.estimation import following, kernels, stepping
+from dtwin.monitoring.estimation.arrays import FILTER, Change, Clones, Evidence, Filters, Past
 from dtwin.monitoring.estimation.belief import NOISE_FLOOR, Belief
 from dtwin.monitoring.estimation.bounds import bounds, widened
+from dtwin.monitoring.estimation.following import Course, Opening, Rows, Sizes, opening_of
 from dtwin.monitoring.estimation.layout import (
     ARM,
     ARM_NAMES,
@@ -44,11 +45,6 @@ from dtwin.parameters import PERIOD
 
 Array = NDArray[np.float64]
 
-_OWN: Final = (
-    *("x", "P", "gains", "innovation", "variance", "score", "information", "_walk", "_swing"),
-    *("_command", "handling", "_clones", "_C", "_B", "_growth", "_motion"),
-)
-"""what changes in place, of which a copy needs its own"""
 HANDLING: Final = 10
 """samples in which the jaws push the arm and the weight of a box comes or goes, after the gripper has changed"""
 TOUCHING: Final = 100
@@ -78,49 +74,54 @@ class Estimator:
         handling: (5,), see `kernels.disturb`.
         box_mass: mass that a box is expected to have when it is gripped, kg.
         payload_variance: variance of that mass, kg^2.
-        unsteady: standard deviation of the delay of the commands from sample to sample, since some are lost, samples;
-            what the delay has changed by is told as a root mean square then.
     """
 
     def __init__(self, belief: Belief, tuning: Tuning) -> None:
         self.belief, self.tuning = belief, tuning
         arm = belief.arm
-        self._motion = motion_of(belief)
-        self._noise = np.maximum(np.square(belief.noise), NOISE_FLOOR**2)
-        self._clip = np.array(belief.clip)
-        self._walk = np.zeros(SIZE)
+        self._motion, error = motion_of(belief), belief.error
+        self._numbers = numbers = np.zeros(1, dtype=FILTER)
+        self._name()
+        numbers["noise"] = np.maximum(np.square(belief.noise), NOISE_FLOOR**2)
+        numbers["clip"], numbers["friction"], numbers["compliance"] = (
+            belief.clip,
+            belief.dry_friction,
+            error.compliance,
+        )
         self._walk[BIAS:DRIFT] = tuning.offset_walk**2 * PERIOD
         for name in ARM_NAMES:
             share = max(tuning.walk, belief.walk(name))
             self._walk[INDEX[name]] = (share * arm.get(name)) ** 2 * PERIOD
-        error = belief.error
         self.memory = math.exp(-PERIOD / error.memory)
         self._walk[TORQUE:MOVING] = np.square(error.slow) * (1.0 - self.memory**2)
-        self._torque = np.square(error.white)
-        self._friction = belief.dry_friction
-        self._swing = np.zeros(3)
-        self._compliance = np.array(error.compliance)
-        self._grip, self._displacement, self._timing = error.grip, error.displacement, error.timing
-        self._locked, self.unsteady = 0, 0.0
-        self._growth = np.full(3, PERIOD)
-        self._scaled: list[int] = []
-        self._least, self._most = bounds(arm, self._motion.arrays(False).rigid)
-        self._lower, self._upper = widened(self._least, self._most)
+        numbers["memory"], numbers["grip"] = self.memory, error.grip
+        numbers["displacement"], numbers["timing"] = error.displacement, error.timing
+        numbers["torque"], numbers["growth"] = np.square(error.white), PERIOD
+        numbers["sine"], numbers["cosine"] = self._motion.sine, self._motion.cosine
+        self._least[:], self._most[:] = bounds(arm, self._motion.arrays(False).rigid)
+        numbers["lower"], numbers["upper"] = widened(self._least, self._most)
         self.box_mass, self.payload_variance = tuning.box_mass, tuning.box_deviation**2
-        self.x, self.P = np.zeros(SIZE), np.zeros((SIZE, SIZE))
         self.x[ARM:PAYLOAD] = [arm.get(name) for name in ARM_NAMES]
         self.P[ARM:PAYLOAD, ARM:PAYLOAD] = belief.covariance
         self.x[BIAS:DRIFT] = belief.offset
         self.P[BIAS:DRIFT, BIAS:DRIFT] = np.diag(np.square(belief.offset_deviation))
         self.P[TORQUE:MOVING, TORQUE:MOVING] = np.diag(np.square(error.slow))
-        self.F, self.gains = np.zeros((6, MOVING)), np.zeros((3, SIZE))
-        self.innovation, self.variance = np.zeros(3), np.ones(3)
-        self.score, self.information = np.zeros(3), np.zeros(3)
+        self.variance[:] = 1.0
         self.gripped = False
-        self._command = np.full(3, np.nan)
-        self.handling = np.array([0.0, 0.0, np.nan, np.nan, np.nan])
+        self._command[:] = np.nan
+        self.handling[:] = 0.0, 0.0, np.nan, np.nan, np.nan
         self._cloned: tuple[str, ...] = ()
         self._clones, self._C, self._B = np.zeros(0), np.zeros((SIZE, 0)), np.zeros(0)
+
+    def _name(self) -> None:
+        """Gives its numbers names."""
+        numbers = self._numbers
+        self.x, self.P, self.F, self.gains = (numbers[name][0] for name in ("x", "P", "F", "gains"))
+        self.innovation, self.variance = numbers["innovation"][0], numbers["variance"][0]
+        self.score, self.information = numbers["score"][0], numbers["information"][0]
+        self.handling, self._command, self._swing = (numbers[name][0] for name in ("handling", "command", "swing"))
+        self._walk, self._growth, self._noise = (numbers[name][0] for name in ("walk", "growth", "noise"))
+        self._least, self._most = numbers["least"][0], numbers["most"][0]
 
     def initialise(self, measured: Array, gripped: bool) -> None:
         """Starts at an arm about whose motion nothing is known but one sample; what was learned of the arm stays."""
@@ -139,43 +140,32 @@ class Estimator:
         """Carries the estimate over one period with a command (3,) V held, its torques in doubt by so much (N m)."""
         if gripped != self.gripped:
             self._hold(gripped)
-        possible = np.empty(SIZE)
-        kernels.bound(self.x, self._least, self._most, gripped, possible)
-        end, self.F = self._motion.carry(possible, volts, gripped, self._locked)
-        for i in self._scaled:
-            self._growth[i] = end[i] - possible[i]
-        kernels.carry(self.x, end, self.memory, self._growth)
-        torque, displaced, slowed = np.empty(3), np.empty(3), np.empty(3)
-        f = self.arrays()
-        kernels.disturb(f, volts, self._motion.arrays(gripped).later, doubt, torque, displaced, slowed)
-        kernels.relate(self.P, self.x, self._scaled, -1.0)
-        kernels.predict(f, torque, displaced, slowed)
-        kernels.relate(self.P, self.x, self._scaled, 1.0)
-        if self.unsteady:
-            by_delay = self.unsteady * self.F[:, LATE]
-            self.P[:ARM, :ARM] += np.outer(by_delay, by_delay)
+        stepping.predict(self._numbers, self.motion_arrays(), volts, doubt)
 
     def freed(self, joint: int, volts: Array, gripped: bool) -> float:
         """The speed that a locked joint (1 to 3) would have after one period if it were free, rad/s."""
-        possible = np.empty(SIZE)
-        kernels.bound(self.x, self._least, self._most, gripped, possible)
-        end, _ = self._motion.copy().carry(possible, volts, gripped, 0)
-        return float(end[W + joint - 1])
+        found: float = stepping.freed(self._numbers, self._motion.arrays(gripped), joint - 1, volts)
+        return found
 
     def correct(self, measured: Array, used: NDArray[np.bool_]) -> float:
         """Takes in a sample, (3,) rad; returns the logarithm of the likelihood of the readings used."""
-        f = self.arrays()
-        likelihood: float = kernels.correct(f, measured - self._motion.eccentricity(self.x[:W]), used)
-        if self._cloned:
-            kernels.follow_clones(Clones(self._clones, self._C, self._B), f, used)
+        likelihood: float = stepping.correct(self._numbers, self._remembered(), measured, used)
         return likelihood
+
+    def follow(self, rows: Rows, opening: Opening, sizes: Sizes, course: Course, tally: Array) -> None:
+        """Carries the estimate over samples, the gripper unchanged, and adds up what they tell: see `following`."""
+        gripped = bool(rows.gripped[0])
+        if gripped != self.gripped:
+            self._hold(gripped)
+        own = self._numbers, self.motion_arrays(), self._remembered()
+        following.follow(*own, rows, opening, sizes, course, tally)
 
     def weigh(self, joint: int) -> float:
         """The logarithm of the likelihood of a reading of a joint (0 to 2) of the last sample that was not used.
 
         Its score and information are those of the estimator from now on.
         """
-        likelihood: float = kernels.weigh(joint, self.arrays())
+        likelihood: float = stepping.weigh(self._numbers, joint)
         return likelihood
 
     def expected(self) -> tuple[Array, Array]:
@@ -184,60 +174,29 @@ class Estimator:
         kernels.expect(self.x, self.P, self._motion.eccentricity(self.x[:W]), self._noise, angles, deviations)
         return angles, deviations
 
-    def chance(self, joint: int, away: float) -> float:
-        """Logarithm of the likelihood that noise alone moves the reading of a joint (0 to 2) so far, rad."""
-        noise = self._noise[joint]
-        return float(-0.5 * (away * away / noise + math.log(2.0 * math.pi * noise)))
-
     def copy(self) -> Estimator:
         """An independent estimator in the same state."""
         other = object.__new__(Estimator)
-        own = other.__dict__
-        own.update(self.__dict__)
-        for name in _OWN:
-            own[name] = own[name].copy()
+        other.__dict__.update(self.__dict__)
+        other._numbers, other._motion = self._numbers.copy(), self._motion.copy()
+        other._clones, other._C, other._B = self._clones.copy(), self._C.copy(), self._B.copy()
+        other._name()
         return other
 
     @property
     def plain(self) -> bool:
         """Whether all that a sample changes is in `arrays` and `motion_arrays`: nothing is wrong that is known."""
-        return not (self._locked or self._scaled or self._cloned or self.unsteady)
+        return not (self.locked or self._numbers["scaled"].any() or self._cloned or self.unsteady)
 
-    def arrays(self) -> FilterArrays:
+    def arrays(self) -> Filters:
         """What the kernels of a sample work with; its own."""
-        return FilterArrays(
-            self.x,
-            self.P,
-            self.F,
-            self.gains,
-            self.innovation,
-            self.variance,
-            self.score,
-            self.information,
-            self._noise,
-            self._clip,
-            self._walk,
-            self._torque,
-            self._friction,
-            self._compliance,
-            self._swing,
-            self._command,
-            self.handling,
-            self._least,
-            self._most,
-            self._lower,
-            self._upper,
-            self._motion.sine,
-            self._motion.cosine,
-            self.memory,
-            self._growth,
-            self._grip,
-            self._displacement,
-            self._timing,
-        )
+        return self._numbers
+
+    def _remembered(self) -> Clones:
+        return Clones(self._clones, self._C, self._B)
 
     def motion_arrays(self) -> MotionArrays:
-        """What carries the motion of a plain estimator; its own."""
+        """What carries the motion; its own."""
         return self._motion.arrays(self.gripped)
 
     def room(self, count: int) -> Past:
@@ -265,9 +224,11 @@ class Estimator:
         Args:
             deviations: further standard deviations by state, in its unit.
         """
-        for name, deviation in deviations.items():
-            column = deviation * unit_jump(name, self.x)
-            self.P += np.outer(column, column)
+        following.spread(self.P, self.x, opening_of(deviations))
+        self.doubt_box(deviations)
+
+    def doubt_box(self, deviations: Mapping[str, float]) -> None:
+        """Takes the mass of the next box to be as uncertain as that of one whose `payload` is off by a deviation."""
         if "payload" in deviations:
             self.payload_variance = max(self.payload_variance, deviations["payload"] ** 2)
 
@@ -280,14 +241,14 @@ class Estimator:
     def scale(self, joint: int) -> None:
         """Takes the reading of a joint (1 to 3) to be larger than the angle by a share, none so far; it is told by
         the state `scale` of the joint, which takes the place of the drift."""
-        if joint - 1 not in self._scaled:
+        if not self._numbers["scaled"][0, joint - 1]:
             self.forget(f"drift{joint}")
             self._make_certain(DRIFT + joint - 1, 0.0)
-            self._scaled = [*self._scaled, joint - 1]
+            self._numbers["scaled"][0, joint - 1] = 1
 
     def lock(self, joint: int) -> None:
         """Takes a joint (1 to 3) to be held where it is now, 0 to be free again."""
-        self._locked = joint
+        self._numbers["locked"] = joint
         jolt = max(_JOLT * abs(self.x[W + joint - 1]), 1e-3) if joint else 1.0
         for i in range(3):
             self.P[W + i, W + i] += jolt**2
@@ -298,7 +259,7 @@ class Estimator:
 
     def disturb(self, deviation: float) -> None:
         """Allows a torque (N m) of unknown cause on every joint, a new one in each sample."""
-        self._torque = np.full(3, deviation**2)
+        self._numbers["torque"] = deviation**2
 
     def burden(self, deviation: float, *joints: int) -> None:
         """Takes the torques that last, see `Unmodelled.slow`, to be larger on some joints (1 to 3) by a standard
@@ -333,7 +294,7 @@ class Estimator:
         waits = name == "payload" and not self.gripped
         self._cloned = (*self._cloned, name)
         self._clones = np.append(self._clones, self.box_mass if waits else self.x[index])
-        self._C = np.column_stack((self._C, self.P[index]))
+        self._C = np.ascontiguousarray(np.column_stack((self._C, self.P[index])))
         self._B = np.append(self._B, self.P[index, index])
 
     def forget(self, name: str) -> None:
@@ -360,7 +321,7 @@ class Estimator:
         return Evidence(
             self.x,
             self._least,
-            self._friction,
+            self._numbers["friction"][0],
             self.F,
             self.gains,
             self.score,
@@ -370,9 +331,19 @@ class Estimator:
         )
 
     @property
+    def unsteady(self) -> float:
+        """Standard deviation of the delay of the commands from sample to sample, since some are lost, samples; what
+        the delay has changed by is told as a root mean square then."""
+        return float(self._numbers["unsteady"][0])
+
+    @unsteady.setter
+    def unsteady(self, deviation: float) -> None:
+        self._numbers["unsteady"] = deviation
+
+    @property
     def locked(self) -> int:
         """The joint that is held, 0 for none."""
-        return self._locked
+        return int(self._numbers["locked"][0])
 
     def deviation(self, name: str) -> float:
         """Standard deviation of one state."""

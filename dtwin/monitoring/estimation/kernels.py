@@ -19,14 +19,13 @@ derivatives of q and w after a sample by the moving states before it.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.monitoring.estimation import arrays
-from dtwin.monitoring.estimation.arrays import Clones, FilterArrays
+from dtwin.monitoring.estimation.arrays import Clones, Filter
 from dtwin.monitoring.estimation.layout import ARM, BIAS, DRIFT, MOVING, PAYLOAD, SIZE, TORQUE, W
 from dtwin.monitoring.estimation.traces import STANDSTILL
 from dtwin.parameters import PERIOD
@@ -100,7 +99,7 @@ def expect(x: Array, P: Array, eccentricity: Array, noise: Array, angles: Array,
 
 @kernel
 def disturb(
-    f: FilterArrays, volts: Array, later: Array, doubt: float, torque: Array, displaced: Array, slowed: Array
+    f: Filter, volts: Array, later: Array, doubt: float, torque: Array, displaced: Array, slowed: Array
 ) -> None:
     """Writes the variances of what disturbs the arm: torques (3,), (N m)^2, and displacements (3,), rad^2.
 
@@ -146,7 +145,7 @@ def swung(swing: float, jump: float) -> float:
 
 
 @kernel(uses=(arrays,))
-def predict(f: FilterArrays, torque: Array, displacement: Array, slowed: Array) -> None:
+def predict(f: Filter, torque: Array, displacement: Array, slowed: Array) -> None:
     """Carries the covariance over one sample, in place.
 
     Args:
@@ -195,7 +194,8 @@ def predict(f: FilterArrays, torque: Array, displacement: Array, slowed: Array) 
         P[i, i] += f.walk[i]
 
 
-def relate(P: Array, x: Array, scaled: Iterable[int], sign: float) -> None:
+@kernel
+def relate(P: Array, x: Array, scaled: Any, sign: float) -> None:
     """Takes out of, or puts into, offsets what they share with the angles that they are proportional to.
 
     While the arm moves, the error of such an offset changes with that of its angle: what is left without it stays.
@@ -203,13 +203,16 @@ def relate(P: Array, x: Array, scaled: Iterable[int], sign: float) -> None:
     Args:
         P: covariance, in place.
         x: state.
-        scaled: indices of the joints whose encoders have another scale.
+        scaled: (3,), not 0 for the joints whose encoders have another scale.
         sign: -1 takes out, 1 puts in.
     """
-    for i in scaled:
-        share = sign * x[DRIFT + i]
-        P[BIAS + i] += share * P[i]
-        P[:, BIAS + i] += share * P[:, i]
+    for i in range(3):
+        if scaled[i]:
+            share = sign * x[DRIFT + i]
+            for j in range(SIZE):
+                P[BIAS + i, j] += share * P[i, j]
+            for j in range(SIZE):
+                P[j, BIAS + i] += share * P[j, i]
 
 
 @kernel
@@ -234,7 +237,7 @@ def _shrink(P: Array, columns: Array, shares: Array) -> None:
 
 
 @kernel(uses=(arrays,))
-def weigh(i: int, f: FilterArrays) -> float:
+def weigh(i: int, f: Filter) -> float:
     """Fills in score and information of one reading; returns the logarithm of its likelihood. See `correct`."""
     nu, s = f.innovation[i], f.variance[i]
     limit = f.clip[i] * math.sqrt(s / f.noise[i])
@@ -247,7 +250,7 @@ def weigh(i: int, f: FilterArrays) -> float:
 
 
 @kernel(uses=(arrays,))
-def correct(f: FilterArrays, measured: Array, used: Any) -> float:
+def correct(f: Filter, measured: Array, used: Any) -> float:
     """Takes in three encoder readings one after another, which whitens them, in place.
 
     An innovation nu of variance s is believed to have Huber's density of the same core: beyond clip standard
@@ -294,7 +297,7 @@ def correct(f: FilterArrays, measured: Array, used: Any) -> float:
 
 
 @kernel(uses=(arrays,))
-def follow_clones(clones: Clones, f: FilterArrays, used: Any) -> None:
+def follow_clones(clones: Clones, f: Filter, used: Any) -> None:
     """Carries what states were at earlier moments over one sample, in place (stochastic cloning, Roumeliotis and
     Burdick 2002): a clone stands still, but what is measured later tells more of it.
 

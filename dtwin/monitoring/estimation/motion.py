@@ -89,8 +89,6 @@ class MachineMotion:
         """See `Motion.carry`."""
         end, F = np.empty(6), np.empty((6, MOVING))
         _carry_machine(x, volts, locked, self.arrays(gripped), end, F)
-        if locked:
-            hold(x, end, F, locked - 1)
         return end, F
 
     def eccentricity(self, angles: Array) -> Array:
@@ -130,7 +128,7 @@ def eccentricity(angles: Array, sine: Array, cosine: Array, found: Array) -> Non
 
 @kernel(uses=(arrays, derivatives, dry_friction, dynamics, lanes, machine, machine_sensitivity))
 def _carry_machine(x: Array, volts: Array, locked: int, m: MotionArrays, end: Array, F: Array) -> None:
-    """Writes what `MachineMotion.carry` gives, but for what a lock eliminates, to end (6,) and F (6, 27).
+    """Writes what `MachineMotion.carry` gives to end (6,) and F (6, 27).
 
     Args:
         x: (33,), states before.
@@ -175,15 +173,17 @@ def _carry_machine(x: Array, volts: Array, locked: int, m: MotionArrays, end: Ar
             F[j, _K + i] = by_torque * share * now
             F[j, _D + i], F[j, _MU + i] = -by_torque * speed, by_torque * rubs
     by_voltages(F, x, mean, later)
+    if locked:
+        hold(x, end, F, locked - 1)
 
 
 @kernel(uses=(arrays, derivatives, dry_friction, dynamics, lanes, machine, machine_sensitivity, rigid, sensitivity))
-def carry(x: Array, volts: Array, m: MotionArrays, end: Array, F: Array) -> None:
-    """Writes what `Motion.carry` gives while no joint is locked to end (6,) and F (6, 27)."""
+def carry(x: Array, volts: Array, m: MotionArrays, locked: int, end: Array, F: Array) -> None:
+    """Writes what `Motion.carry` gives to end (6,) and F (6, 27); a joint (1 to 3) may be locked, 0 for none."""
     if m.rigid:
-        carry_rigid(x, volts, m, end, F)
+        carry_rigid(x, volts, locked, m, end, F)
     else:
-        _carry_machine(x, volts, 0, m, end, F)
+        _carry_machine(x, volts, locked, m, end, F)
 
 
 _NO_TWIN: Final = TwinArrays(np.zeros(18), np.zeros((1, 18, MOVING)), np.zeros(SIZE))

@@ -57,31 +57,8 @@ class RigidMotion:
 
     def carry(self, x: Array, volts: Array, gripped: bool, locked: int) -> tuple[Array, Array]:
         """See `Motion.carry`."""
-        if not locked:
-            end, F = np.empty(6), np.empty((6, MOVING))
-            carry_rigid(x, volts, self.arrays(gripped), end, F)
-            return end, F
-        before = self._last[0] if np.isfinite(self._last).all() else volts
-        meant, last = np.clip((volts, before), -VOLTAGE_LIMIT, VOLTAGE_LIMIT)
-        self._last[0] = volts
-        later = last - meant
-        u = (1.0 + x[SUPPLY]) * (meant + x[LATE] * later)
-        u[np.abs(u) < _LEAST_VOLTS] = _LEAST_VOLTS
-        twin = self._twin
-        held = twin.empty + twin.moved[0, :, ARM:] @ (x - twin.nominal)[ARM:MOVING]
-        states, slopes, level = np.empty((2, 6)), np.zeros((2, 6, MOVING)), np.zeros(1, dtype=np.int64)
-        states[0], slopes[0, :, :6] = x[:6], np.eye(6)
-        end, F = states[1], slopes[1]
-        steps = Steps(PERIOD, _substeps(x), COULOMB_WIDTH)
-        for _ in range(TURNS):
-            integrate_linearised(held[None], twin.moved, level, u[None], steps, states, slopes)
-            _oppose(u, x, end, F, locked - 1)
-        F[:, TORQUE:MOVING] = F[:, ARM : ARM + 3] / u
-        end += F[:, TORQUE:MOVING] @ x[TORQUE:MOVING]
-        by_voltages(F, x, meant + x[LATE] * later, later)
-        if not gripped:
-            F[:, PAYLOAD] = 0.0
-        hold(x, end, F, locked - 1)
+        end, F = np.empty(6), np.empty((6, MOVING))
+        carry_rigid(x, volts, locked, self.arrays(gripped), end, F)
         return end, F
 
     def eccentricity(self, angles: Array) -> Array:
@@ -105,10 +82,19 @@ def _substeps(x: Array) -> int:
     return SUBSTEPS * max(1, math.ceil(max(x[_D], x[_D + 1], x[_D + 2]) / STABLE))
 
 
+@kernel
+def _oppose(u: Array, x: Array, end: Array, F: Array, joint: int) -> None:
+    """Changes the voltage of a locked joint to one that holds it, by Newton's method."""
+    slope = F[W + joint, ARM + joint] / u[joint] * x[ARM + joint]
+    if slope != 0.0:
+        u[joint] -= end[W + joint] / slope
+        if abs(u[joint]) < _LEAST_VOLTS:
+            u[joint] = _LEAST_VOLTS
+
+
 @kernel(uses=(arrays, derivatives, sensitivity))
-def carry_rigid(x: Array, volts: Array, m: MotionArrays, end: Array, F: Array) -> None:
-    """Writes what `RigidMotion.carry` gives while no joint is locked to end (6,) and F (6, 27), and the command to
-    those of m."""
+def carry_rigid(x: Array, volts: Array, locked: int, m: MotionArrays, end: Array, F: Array) -> None:
+    """Writes what `RigidMotion.carry` gives to end (6,) and F (6, 27), and the command to those of m."""
     twin, last = m.twin, m.commands
     u, held, mean, later = np.empty((1, 3)), np.empty((1, 18)), np.empty(3), np.empty(3)
     states, slopes, level = np.empty((2, 6)), np.empty((2, 6, MOVING)), np.zeros(1, dtype=np.int64)
@@ -130,7 +116,10 @@ def carry_rigid(x: Array, volts: Array, m: MotionArrays, end: Array, F: Array) -
         states[0, i] = x[i]
         slopes[0, i, i] = 1.0
     steps = Steps(PERIOD, _substeps(x), COULOMB_WIDTH)
-    integrate_linearised(held, twin.moved, level, u, steps, states, slopes)
+    for _ in range(TURNS if locked else 1):
+        integrate_linearised(held, twin.moved, level, u, steps, states, slopes)
+        if locked:
+            _oppose(u[0], x, states[1], slopes[1], locked - 1)
     end[:], F[:] = states[1], slopes[1]
     for i in range(6):
         for joint in range(3):
@@ -139,15 +128,8 @@ def carry_rigid(x: Array, volts: Array, m: MotionArrays, end: Array, F: Array) -
         if not m.gripped:
             F[i, PAYLOAD] = 0.0
     by_voltages(F, x, mean, later)
-
-
-def _oppose(u: Array, x: Array, end: Array, F: Array, joint: int) -> None:
-    """Changes the voltage of a locked joint to one that holds it, by Newton's method."""
-    slope = F[W + joint, ARM + joint] / u[joint] * x[ARM + joint]
-    if slope:
-        u[joint] -= end[W + joint] / slope
-        if abs(u[joint]) < _LEAST_VOLTS:
-            u[joint] = _LEAST_VOLTS
+    if locked:
+        hold(x, end, F, locked - 1)
 
 
 def _coefficients(arm: ArmParameters) -> tuple[Array, Array]:

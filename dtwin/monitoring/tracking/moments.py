@@ -8,6 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dtwin.monitoring.estimation.following import Rows
+
 Array = NDArray[np.float64]
 
 
@@ -33,6 +35,11 @@ class Moment(NamedTuple):
     fresh: NDArray[np.bool_]
     counts: bool
     likelihood: float
+
+
+def rows_of(moments: Iterable[Moment]) -> Rows:
+    """Samples in a row, at least one, in columns."""
+    return Rows(*map(np.array, zip(*moments, strict=True)))
 
 
 class Moments:
@@ -62,6 +69,11 @@ class Moments:
     def last(self, count: int) -> list[Moment]:
         """The last samples, oldest first; there have to be so many."""
         return [self._at(row) for row in range(self._end - count, self._end)]
+
+    def rows(self, count: int) -> Rows:
+        """The last samples, oldest first, in columns that change with the next ones; there have to be so many."""
+        columns: tuple[Any, ...] = self._columns
+        return Rows(*(column[self._end - count : self._end] for column in columns))
 
     def measured(self, before: int) -> Array:
         """What was measured so many samples before the last one, 0 for it itself, (3,) rad; it has to be there."""

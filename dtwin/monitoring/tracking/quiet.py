@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.monitoring.estimation import arrays, kernels, motion, traces
-from dtwin.monitoring.estimation.arrays import Evidence
-from dtwin.monitoring.estimation.estimator import Estimator, FilterArrays, Past
+from dtwin.monitoring.estimation.arrays import Evidence, Filter, Filters, Past
+from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.estimation.layout import SIZE, W
 from dtwin.monitoring.estimation.motion import MotionArrays
 from dtwin.monitoring.estimation.traces import STANDSTILL, Traces
@@ -117,7 +117,7 @@ class Columns(NamedTuple):
 class Watched(NamedTuple):
     """The arrays of what watches an arm; they change in place."""
 
-    filter: FilterArrays
+    filter: Filters
     motion: MotionArrays
     readings: ReadingsArrays
     traces: Traces
@@ -147,7 +147,7 @@ def follow(
 
 
 @kernel(uses=(arrays,))
-def in_doubt(left: int, doubt: float, f: FilterArrays) -> int:
+def in_doubt(left: int, doubt: float, filters: Filters) -> int:
     """The number of samples from the last one on that are no evidence after a command that was in doubt.
 
     Jaws that close on a box push the arm, after which its speeds are hardly known. Then it is not known either which
@@ -156,18 +156,18 @@ def in_doubt(left: int, doubt: float, f: FilterArrays) -> int:
     Args:
         left: that number at the sample before.
         doubt: standard deviation of the torques that the command of the last sample leaves in doubt, N m.
-        f: of the estimator after the last sample.
+        filters: of the estimator after the last sample.
     """
     if doubt > 0.0:
         return LONG_UNSETTLED
-    known = True
+    f, known = filters[0], True
     for i in range(3):
         known = known and (f.friction[i] == 0.0 or f.P[W + i, W + i] < STANDSTILL * STANDSTILL)
     return max((min(left, UNSETTLED) if known else left) - 1, 0)
 
 
 @kernel(uses=(arrays, traces, samples))
-def _record(tape: Tape, k: int, f: FilterArrays, t: Traces, used: Flags) -> None:
+def _record(tape: Tape, k: int, f: Filter, t: Traces, used: Flags) -> None:
     """Writes row k of a tape."""
     tape.innovation[k], tape.variance[k], tape.used[k] = f.innovation, f.variance, used
     tape.score[k], tape.information[k] = f.score, f.information
@@ -181,7 +181,7 @@ def _work(
 ) -> tuple[int, int, bool]:
     """What `follow` does; returns the samples taken in, those still to come that are no evidence, and whether the
     last one was concluded. While jaws close on nothing yet, torques are in doubt by `pushing`, N m."""
-    f, m, r, t = watched.filter, watched.motion, watched.readings, watched.traces
+    f, m, r, t = watched.filter[0], watched.motion, watched.readings, watched.traces
     possible, end = np.empty(SIZE), np.empty(6)
     torque, displaced, slowed, eccentric = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     expected = Expected(np.empty(3), np.empty(3), True)
@@ -195,7 +195,7 @@ def _work(
         sensing.apply(r, batch.told[k, :3], angles)
         columns.doubt[k], columns.fresh[k] = doubt, r.new
         kernels.bound(f.x, f.least, f.most, m.gripped, possible)
-        motion.carry(possible, volts, m, end, f.F)
+        motion.carry(possible, volts, m, 0, end, f.F)
         kernels.carry(f.x, end, f.memory, f.growth)
         kernels.disturb(f, volts, m.later, doubt, torque, displaced, slowed)
         kernels.predict(f, torque, displaced, slowed)
@@ -209,7 +209,7 @@ def _work(
             odd = odd or r.frozen[i] or r.left_out[i]
         if odd or not likelihood > LEAST_LIKELY:
             return k + 1, doubted, False
-        doubted = in_doubt(doubted, doubt, f)
+        doubted = in_doubt(doubted, doubt, watched.filter)
         columns.counts[k] = not doubted
         place = traces.accumulate(t, evidence, used, r.new, batch.first + k, not doubted)
         past.known[place] = True

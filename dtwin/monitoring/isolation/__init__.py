@@ -1,0 +1,1 @@
+"""What isolation weighs: the candidates of a diagnosis against each other."""
