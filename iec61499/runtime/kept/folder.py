@@ -19,8 +19,8 @@ from typing import Final
 
 log = logging.getLogger(__name__)
 
-LIMIT: Final = 64 << 20
-"""Largest size of all kept files, bytes: some hundreds of units."""
+LIMIT: Final = 128 << 20
+"""Largest size of all kept files, bytes: some hundreds of units, and the compiled kernels of some checkouts."""
 MAKING: Final = ".making-"
 """Begins the names of the folders in which files are made."""
 ABANDONED: Final = 3600.0
