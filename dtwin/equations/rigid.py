@@ -100,10 +100,11 @@ def wrench_regressor(w: Numbers, wd: Numbers, a: Numbers) -> Numbers:
         (N, 6, 10), force first.
     """
     found = np.zeros((len(w), 6, 10), np.result_type(w, wd, a))
+    turning = _skew(w)
     found[:, :3, 0] = a
-    found[:, :3, 1:4] = _skew(wd) + _skew(w) @ _skew(w)
+    found[:, :3, 1:4] = _skew(wd) + turning @ turning
     found[:, 3:, 1:4] = -_skew(a)
-    found[:, 3:, 4:] = _by_inertia(wd) + _skew(w) @ _by_inertia(w)
+    found[:, 3:, 4:] = _by_inertia(wd) + turning @ _by_inertia(w)
     return found
 
 
@@ -261,20 +262,27 @@ def _out_of(rotation: Numbers, vector: Numbers) -> Numbers:
 
 def _cross(one: Numbers, other: Numbers) -> Numbers:
     """Products of vectors (N, 3), to the bit those of np.cross, which moves axes about first."""
-    a, b = (vector.T for vector in np.broadcast_arrays(one, other))
-    found: Numbers = np.stack((a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]), -1)
+    a, b = one.T, other.T
+    found: Numbers = np.empty(one.shape, np.result_type(one, other))
+    found[:, 0] = a[1] * b[2] - a[2] * b[1]
+    found[:, 1] = a[2] * b[0] - a[0] * b[2]
+    found[:, 2] = a[0] * b[1] - a[1] * b[0]
     return found
 
 
 def _skew(vector: Numbers) -> Numbers:
     """The matrices (N, 3, 3) that take the vector product with vectors (N, 3)."""
-    x, y, z = vector.T
-    o = np.zeros_like(x)
-    return np.stack([o, -z, y, z, o, -x, -y, x, o], axis=-1).reshape(-1, 3, 3)
+    found: Numbers = np.zeros((len(vector), 3, 3), vector.dtype)
+    found[:, 2, 1], found[:, 0, 2], found[:, 1, 0] = vector.T
+    found[:, 1, 2], found[:, 2, 0], found[:, 0, 1] = -vector.T
+    return found
 
 
 def _by_inertia(vector: Numbers) -> Numbers:
     """The matrices (N, 3, 6) with I v = L(v) (Ixx, Ixy, Iyy, Ixz, Iyz, Izz)."""
     x, y, z = vector.T
-    o = np.zeros_like(x)
-    return np.stack([x, y, o, z, o, o, o, x, y, o, z, o, o, o, o, x, y, z], axis=-1).reshape(-1, 3, 6)
+    found: Numbers = np.zeros((len(vector), 3, 6), vector.dtype)
+    found[:, 0, 0] = found[:, 1, 1] = found[:, 2, 3] = x
+    found[:, 0, 1] = found[:, 1, 2] = found[:, 2, 4] = y
+    found[:, 0, 3] = found[:, 1, 4] = found[:, 2, 5] = z
+    return found

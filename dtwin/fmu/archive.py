@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import platform
 import re
-import tempfile
 import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,7 +20,7 @@ from dtwin.fmu.variables import Variable, cell_variables, controller_variables, 
 from dtwin.parameters import ArmParameters
 from iec61499.library import Library
 from iec61499.mapping import resource_network
-from iec61499.native.build import FLAGS, compile_files, compilers
+from iec61499.native.build import FLAGS, compiled, compilers
 from iec61499.native.layout import Layout, network_layout
 
 SUMMARIES: Final[dict[Subject, str]] = {
@@ -133,11 +132,10 @@ def _variables(
 def _binary(texts: dict[str, str], name: str) -> bytes:
     problems = []
     for compiler in compilers():
-        with tempfile.TemporaryDirectory() as folder:
-            try:
-                return compile_files(texts, name, compiler, Path(folder), _FLAGS).read_bytes()
-            except NativeError as error:
-                problems.append(str(error))
+        try:
+            return compiled(texts, name, compiler, _FLAGS)
+        except (NativeError, OSError) as error:
+            problems.append(str(error))
     raise NativeError(
         f"FMU: {'; '.join(problems) or 'there is no C compiler'}: expected a C compiler as `cc`, or the package "
         "ziglang (pip install dtwin[native])"

@@ -1,10 +1,11 @@
 """Compiles kernels to machine code, and keeps the code on disk for every process that comes after.
 
-Numba puts the files beside the sources, in `__pycache__`, or in the user's cache folder where the sources are
-read-only; NUMBA_CACHE_DIR names another folder. Of a user who has none they are among the temporary files, in a
-folder that only this user can write. Numba trusts what it finds there: half a file would end every process that reads
-it, and other machine code would crash it. So each file carries its checksum here, and a damaged one counts
-as none: the kernel is compiled again and the file replaced. Where nothing can be written, every process compiles.
+The files are in the user's folder of machine code, where `iec61499.runtime.kept.folder` says, or in that which
+NUMBA_CACHE_DIR names. Their names tell by a checksum what the code was made of: sources, constants, the fields of
+structures, versions. So every checkout with the same sources finds it, and none finds that of other ones. Numba
+trusts what it finds there: half a file would end every process that reads it, and other machine code would crash it.
+So each file carries its checksum here, and a damaged one counts as none: the kernel is compiled again and the file
+replaced. Where nothing can be written, every process compiles.
 
 Of processes that want the same kernel at the same time one compiles and the others wait for its files: the lock of
 the file `.lock` beside them ends with the process that holds it. Without it two that keep two forms of a kernel at
@@ -19,21 +20,23 @@ import logging
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
-from functools import partial
+from functools import cache, partial
 from importlib.machinery import PathFinder
 from importlib.util import find_spec, module_from_spec
 from pathlib import Path
 from types import ModuleType
-from typing import Any, Final
+from typing import Any, Final, TypeGuard
 
+import llvmlite
 import numba
+import numpy as np
 from numba.core import event
-from numba.core.caching import FunctionCache, IndexDataCacheFile
-from numba.core.registry import cpu_target
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, _CacheLocator
+from numba.core.registry import CPUDispatcher, cpu_target
 
-from iec61499.runtime.kept.folder import temporary
+from iec61499.runtime.kept.folder import kept_folder, tidy, used
 
 log = logging.getLogger(__name__)
 
@@ -60,10 +63,10 @@ def kernel(
     """Decorates a function that Numba compiles at its first call, or loads compiled.
 
     With nogil other threads run meanwhile, which costs a short call too much. `uses` are modules of which it calls
-    kernels: it is compiled again when one of them has changed, or one that their kernels use, which Numba by itself
-    does not notice. What is `inlined` becomes a part of each kernel that calls it: a call costs more than the few
-    operations of a small one. It is kept nowhere else, so that no kernel can be given what it was before its module,
-    or one that it calls, was changed.
+    kernels: it is compiled again for other sources of these, or of those that their kernels use, which Numba by
+    itself does not notice. What is `inlined` becomes a part of each kernel that calls it: a call costs more than the
+    few operations of a small one. It is kept nowhere else, so that no kernel can be given what it was before its
+    module, or one that it calls, was changed.
     """
     if function is None:
         return partial(kernel, nogil=nogil, uses=uses, inlined=inlined)
@@ -71,22 +74,10 @@ def kernel(
     if inlined:
         return dispatcher
     try:
-        dispatcher._cache = _cache(function, uses)
+        dispatcher._cache = _Cache(function, uses)
     except RuntimeError as error:  # no folder can be written
         log.info("%s", error)
     return dispatcher
-
-
-def _cache(function: Callable[..., Any], uses: tuple[ModuleType, ...]) -> _Cache:
-    """Where the compiled forms of a kernel are kept; raises RuntimeError if no folder can be written."""
-    try:
-        return _Cache(function, uses)
-    except RuntimeError:
-        folder = temporary("kernels")
-        if folder is None:
-            raise
-        numba.config.CACHE_DIR = str(folder)  # also of all other kernels
-        return _Cache(function, uses)
 
 
 def ready_compiler() -> None:
@@ -134,6 +125,34 @@ def _load_blas() -> None:
 _load_blas()
 
 
+class _Locator(_CacheLocator):
+    """The folder of the files of all kernels."""
+
+    def __init__(self, folder: str) -> None:
+        self._folder = folder
+
+    def get_cache_path(self) -> str:
+        return self._folder
+
+    def get_source_stamp(self) -> None:
+        """Nothing: the names of the files tell what they were made of."""
+
+    def get_disambiguator(self) -> str:
+        return ""
+
+    @classmethod
+    def from_function(cls, py_func: Callable[..., Any], py_file: str) -> _Locator | None:
+        """None if no folder can be written, which Numba makes a RuntimeError of."""
+        folder = numba.config.CACHE_DIR or kept_folder()
+        return None if folder is None else cls(str(folder))
+
+
+class _Kept(CompileResultCacheImpl):
+    """How code is written, with our folder."""
+
+    _locator_classes = (_Locator,)
+
+
 class _Cache(FunctionCache):
     """The compiled forms of one kernel, in checked files.
 
@@ -141,20 +160,16 @@ class _Cache(FunctionCache):
         modules: those of which it calls kernels, and those of which these call some.
     """
 
+    _impl_class = _Kept
+
     def __init__(self, function: Callable[..., Any], uses: tuple[ModuleType, ...]) -> None:
         super().__init__(function)
-        stamp = self._impl.locator.get_source_stamp()
-        self.modules = dict.fromkeys(uses)
-        for module in uses:
-            caches = (getattr(value, "_cache", None) for value in vars(module).values())
-            for cache in caches:
-                self.modules |= cache.modules if isinstance(cache, _Cache) else {}
-        for module in self.modules:
-            if module.__file__ is not None:
-                status = Path(module.__file__).stat()
-                stamp = (stamp, status.st_mtime, status.st_size)
-        self._cache_file = _CheckedFile(self._cache_path, self._impl.filename_base, stamp)
-        self._lock = _Lock(Path(self._cache_path) / f"{self._impl.filename_base}.lock")
+        own = sys.modules[function.__module__]
+        self.modules = _called([*uses, own])
+        name = f"{function.__module__}.{function.__qualname__}".replace("<", "").replace(">", "")
+        base = f"{name}-{_checksum(own, self.modules)}"
+        self._cache_file = _CheckedFile(self._cache_path, base, None)
+        self._lock = _Lock(Path(self._cache_path) / f"{name}.lock")
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """What is kept, or None: then the lock is held, and the caller compiles and saves.
@@ -173,10 +188,75 @@ class _Cache(FunctionCache):
     def save_overload(self, sig: Any, data: Any) -> None:
         try:
             super().save_overload(sig, data)
+            self._cache_file.tidy()
         except OSError as error:
             log.info("compiled code of %s is not kept: %s", self._name, error)
         finally:
             self._lock.release()
+
+
+def _called(modules: Iterable[ModuleType]) -> dict[ModuleType, None]:
+    """Some modules, and those whose kernels or structures they name, and what these need."""
+    found: dict[ModuleType, None] = {}
+    left = list(modules)
+    while left:
+        module = left.pop()
+        if module not in found:
+            found[module] = None
+            for value in vars(module).values():
+                if isinstance(value, CPUDispatcher):
+                    left.append(sys.modules[value.py_func.__module__])
+                    left += value._cache.modules if isinstance(value._cache, _Cache) else ()
+                elif _is_structure(value):
+                    left.append(sys.modules[value.__module__])
+    return found
+
+
+def _is_structure(value: object) -> TypeGuard[type[Any]]:
+    """Whether a value is a class of named tuples."""
+    return isinstance(value, type) and issubclass(value, tuple) and hasattr(value, "_fields")
+
+
+def _checksum(own: ModuleType, modules: Iterable[ModuleType]) -> str:
+    """Of what the code of a kernel is made of.
+
+    Args:
+        own: its module, which is being imported: what is defined there later on is in its source.
+        modules: those of which it calls kernels.
+    """
+    parts = [numba.__version__, llvmlite.__version__, sys.version, *_told(own)]
+    for module in modules:
+        parts += _told(module) if module is own else _told_once(module)
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+
+
+@cache
+def _told_once(module: ModuleType) -> list[str]:
+    return _told(module)
+
+
+def _told(module: ModuleType) -> list[str]:
+    """Checksum of the source of a module, its constants, and the fields of its structures; raises RuntimeError where
+    there is no source. Machine code has the constants of other modules in it, and the places of fields."""
+    file: str | None = getattr(module, "__file__", None)
+    if file is None:
+        raise RuntimeError(f"compiled kernels of {module.__name__} are not kept: it has no source")
+    source = hashlib.sha256(Path(file).read_bytes()).hexdigest()
+    values = [f"{name} {_value(value)}" for name, value in vars(module).items() if not name.startswith("__")]
+    return [module.__name__, source, *values]
+
+
+def _value(value: object) -> str:
+    """A constant in words that are the same in every process; nothing of what machine code cannot have in it."""
+    if isinstance(value, bool | int | float | complex | str | np.generic):
+        return repr(value)
+    if isinstance(value, np.ndarray):
+        return f"{value.dtype} {value.shape} {hashlib.sha256(value.tobytes()).hexdigest()}"
+    if isinstance(value, tuple):
+        return f"({', '.join(map(_value, value))})"
+    if _is_structure(value):
+        return repr(value._fields)
+    return ""
 
 
 class _Lock:
@@ -241,4 +321,10 @@ class _CheckedFile(IndexDataCacheFile):
         if hashlib.sha256(content[:-_CHECKSUM]).digest() != content[-_CHECKSUM:]:
             log.info("%s: damaged, compiled again", self._data_path(name))
             raise OSError(f"{name}: damaged")
+        for path in (self._index_path, self._data_path(name)):
+            used(Path(path))
         return super()._load_data(name)
+
+    def tidy(self) -> None:
+        """Removes what nobody has used for longest where there is too much."""
+        tidy(Path(self._cache_path), Path(self._index_path))

@@ -124,6 +124,34 @@ def load(
     )
 
 
+def compiled(texts: Mapping[str, str], target: str, compiler: Compiler, flags: tuple[str, ...]) -> bytes:
+    """The library that a compiler makes of C files, for programs of others: kept, or made now.
+
+    Args:
+        texts: the files, by their names.
+        target: name of the library.
+        compiler: which one.
+        flags: how it is compiled.
+
+    Raises:
+        NativeError: the compiler cannot be run, or refuses the files.
+    """
+    key = _key(repr((target, sorted(texts.items()))), compiler, flags)
+    folder = kept_folder()
+    kept = folder / f"{Path(target).stem}-{key}.so" if folder is not None else None
+    if kept is not None and _is_intact(kept, key):
+        used(kept)
+        return kept.read_bytes()[:-_CHECKSUM]
+    with _workshop(folder) as place:
+        made = compile_files(texts, target, compiler, place, flags)
+        content = made.read_bytes()
+        if kept is not None:
+            made.write_bytes(_sealed(content, key))
+            made.replace(kept)
+            tidy(kept.parent, kept)
+    return content
+
+
 def _key(subject: str, compiler: Compiler, flags: tuple[str, ...]) -> str:
     digest = _sources().copy()
     for part in (platform.machine(), compiler.identity, *flags, subject):

@@ -33,6 +33,7 @@ from dtwin.parameters import ROOT
 from dtwin.run.cell import Cell
 from dtwin.run.settings import CellSettings
 from iec61499.native.build import compilers
+from iec61499.runtime.kept.folder import kept_folder
 from tests.support.pages.blocks import PAGES, Block, blocks, command_of, fences, spoken, words_of
 
 WALKED: Final = {
@@ -265,7 +266,8 @@ def test_the_commands_of_a_page_run_in_order(
     page: str, given: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    if page == "README.md":  # what a new user does first works in an empty home, too
+    if page == "README.md":  # what a new user does first works in an empty home, too; machine code is not made again
+        monkeypatch.setenv("DTWIN_CACHE_DIR", str(kept_folder()))
         monkeypatch.setenv("HOME", str(tmp_path / "home"))
         monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
     shutil.copy(given, "run.parquet")

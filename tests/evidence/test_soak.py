@@ -105,7 +105,8 @@ def test_what_a_command_complains_of_is_told() -> None:
         dtwin("down", "--cell", "no-such-cell")
 
 
-@pytest.mark.parametrize("ready", [False, pytest.param(True, marks=pytest.mark.thorough)])
+@pytest.mark.thorough
+@pytest.mark.parametrize("ready", [False, True])
 def test_a_storm_that_is_asked_to_end_leaves_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ready: bool
 ) -> None:

@@ -17,6 +17,7 @@ from dtwin.fmu.archive import write_fmu
 from dtwin.fmu.sources import Subject, Version
 from dtwin.parameters import HANGING, ArmParameters
 from dtwin.twin.rollout import rollout
+from iec61499.native import build
 from tests.fmu.conftest import Made
 from tests.support.iec61499.c_harness import COMPILER, needs_compiler
 
@@ -123,12 +124,27 @@ def test_the_command_starts_with_what_was_asked(tmp_path: Path, capsys: pytest.C
     assert (float(start["PLANNER.T"]), start["CONTROLLER.LAW"]) == (1.5, "0")
 
 
-def test_equal_models_are_equal_files(tmp_path: Path) -> None:
+def test_equal_models_are_equal_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("a.fmu", "b.fmu"):
+        monkeypatch.setenv("DTWIN_CACHE_DIR", str(tmp_path / f"kept for {name}"))  # each is compiled
         write_fmu(tmp_path / name, "twin", "3.0")
     write_fmu(tmp_path / "c.fmu", "twin", "3.0", ArmParameters().with_values({"D1": 0.04}))
     first, second, other = ((tmp_path / name).read_bytes() for name in ("a.fmu", "b.fmu", "c.fmu"))
     assert first == second != other
+
+
+def test_the_binary_of_an_equal_model_is_not_compiled_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, made: Made
+) -> None:
+    made("twin", "3.0")
+
+    def refused(*_: object) -> Path:
+        raise NativeError("compiled again")
+
+    monkeypatch.setattr(build, "compile_files", refused)
+    write_fmu(tmp_path / "twin.fmu", "twin", "3.0")
+    with pytest.raises(NativeError, match="compiled again"):
+        write_fmu(tmp_path / "other.fmu", "twin", "3.0", ArmParameters().with_values({"D1": 0.0411}))
 
 
 def test_without_a_compiler_nothing_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,10 +1,12 @@
 """Compiled kernels on disk: found again by other processes, and made anew when they are damaged."""
 
+import importlib
 import os
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import ModuleType
 from typing import Final
 
 import pytest
@@ -36,7 +38,12 @@ def run(folder: Path, *names: str, **variables: str) -> list[list[str]]:
 def start(folder: Path, *names: str, **variables: str) -> subprocess.Popen[str]:
     return subprocess.Popen(
         [sys.executable, "-c", f"import {', '.join(names)}"],
-        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(folder), *sys.path]), **variables},
+        env={
+            **os.environ,
+            "PYTHONPATH": os.pathsep.join([str(folder), *sys.path]),
+            "DTWIN_CACHE_DIR": str(folder / "kept"),
+            **variables,
+        },
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -61,7 +68,7 @@ def test_damaged_files_are_made_anew(tmp_path: Path) -> None:
     write_kernels(tmp_path, *names)
     assert run(tmp_path, *names) == [["42.0"]] * 7
     for name, (how, suffix) in damaged.items():
-        (file,) = (tmp_path / "__pycache__").glob(f"{name}.*.{suffix}")
+        (file,) = (tmp_path / "kept").glob(f"{name}.twice-*.{suffix}")
         file.write_bytes(HARM[how](file.read_bytes()))
     again = dict(zip(names, run(tmp_path, *names), strict=True))
     assert again.pop("whole") == ["42.0", "1"]
@@ -91,18 +98,74 @@ from dtwin.twin.compiled import kernel
 @kernel(uses=(middle,))
 def run(x):
     return middle.quadruple(x)
-
-print(run(10.0), *run.stats.cache_hits.values())
 """
+SCALING = """
+from dtwin.twin.compiled import kernel
+from structure import FACTOR, Pair
+
+@kernel
+def scaled(pair):
+    return FACTOR * pair.first
+"""
+STRUCTURE = """
+from typing import NamedTuple
+FACTOR = 10.0
+class Pair(NamedTuple):
+    first: float
+    second: float
+"""
+Checkout = Callable[..., ModuleType]
+"""checkout(name, module=text, ...): the last of some modules, imported anew from a folder of that name."""
 
 
-def test_a_kernel_is_made_anew_when_one_has_changed_that_those_use_which_it_calls(tmp_path: Path) -> None:
-    for name, source in (("inner", INNER), ("middle", MIDDLE), ("outer", OUTER)):
-        (tmp_path / f"{name}.py").write_text(source)
-    assert run(tmp_path, "outer") == [["40.0"]]
-    assert run(tmp_path, "outer") == [["40.0", "1"]]
-    (tmp_path / "inner.py").write_text(INNER.replace("x + x", "x + x + x"))
-    assert run(tmp_path, "outer") == [["90.0"]]
+@pytest.fixture
+def checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Checkout]:
+    monkeypatch.setenv("DTWIN_CACHE_DIR", str(tmp_path / "kept"))
+    monkeypatch.setattr(
+        sys, "dont_write_bytecode", True
+    )  # a text of the same length and second would be taken for it
+    imported: set[str] = set()
+
+    def load(folder: str, **texts: str) -> ModuleType:
+        place = tmp_path / folder
+        place.mkdir(exist_ok=True)
+        imported.update(texts)
+        for name, text in texts.items():
+            (place / f"{name}.py").write_text(text)
+            sys.modules.pop(name, None)
+        with monkeypatch.context() as patch:
+            patch.syspath_prepend(str(place))
+            return importlib.import_module(list(texts)[-1])
+
+    yield load
+    for name in imported:
+        sys.modules.pop(name, None)
+
+
+def scaled(module: ModuleType) -> tuple[float, int]:
+    """The result of the kernel of SCALING, and how often its machine code was found."""
+    return module.scaled(module.Pair(first=1.0, second=2.0)), sum(module.scaled.stats.cache_hits.values())
+
+
+def test_a_kernel_is_made_anew_when_one_has_changed_that_those_use_which_it_calls(checkout: Checkout) -> None:
+    for inner, result, hits in ((INNER, 40.0, 0), (INNER, 40.0, 1), (INNER.replace("x + x", "x + x + x"), 90.0, 0)):
+        outer = checkout("one", inner=inner, middle=MIDDLE, outer=OUTER)
+        assert (outer.run(10.0), sum(outer.run.stats.cache_hits.values())) == (result, hits)
+
+
+def test_checkouts_with_the_same_sources_have_the_same_code(checkout: Checkout) -> None:
+    same = {"structure": STRUCTURE, "scaling": SCALING}
+    assert scaled(checkout("first", **same)) == (10.0, 0)
+    assert scaled(checkout("second", **same)) == (10.0, 1)
+    other = SCALING.replace("pair.first", "-pair.first")
+    assert scaled(checkout("second", structure=STRUCTURE, scaling=other)) == (-10.0, 0)
+    assert scaled(checkout("first", **same)) == (10.0, 1)
+
+
+def test_a_kernel_is_made_anew_for_another_constant_or_structure(checkout: Checkout) -> None:
+    turned = STRUCTURE.replace("first", "third").replace("second", "first").replace("third", "second")
+    for structure, result in ((STRUCTURE, 10.0), (STRUCTURE.replace("10.0", "20.0"), 20.0), (turned, 10.0)):
+        assert scaled(checkout("first", structure=structure, scaling=SCALING)) == (result, 0)
 
 
 @pytest.fixture
@@ -111,10 +174,9 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_a_folder_that_cannot_be_written_has_its_code_in_the_users_cache(folder: Path) -> None:
-    (folder / "__pycache__").write_text("in the way")
+def test_the_code_is_in_the_users_cache(folder: Path) -> None:
     cache = folder / "home" / ".cache"
-    variables = {"XDG_CACHE_HOME": str(cache), "HOME": str(folder / "home")}
+    variables = {"XDG_CACHE_HOME": str(cache), "HOME": str(folder / "home"), "DTWIN_CACHE_DIR": ""}
     assert run(folder, "kernels", **variables) == [["42.0"]]
     assert run(folder, "kernels", **variables) == [["42.0", "1"]]
     assert list(cache.rglob("*.nbc"))
@@ -123,10 +185,10 @@ def test_a_folder_that_cannot_be_written_has_its_code_in_the_users_cache(folder:
 @pytest.fixture
 def homeless(folder: Path) -> dict[str, str]:
     """What lets a process have no folder but that of temporary files."""
-    for name in ("__pycache__", "home"):
-        (folder / name).write_text("in the way")
+    (folder / "home").write_text("in the way")
     (folder / "tmp").mkdir()
-    return {**dict.fromkeys(("XDG_CACHE_HOME", "HOME"), str(folder / "home")), "TMPDIR": str(folder / "tmp")}
+    nowhere = dict.fromkeys(("XDG_CACHE_HOME", "HOME"), str(folder / "home"))
+    return {**nowhere, "DTWIN_CACHE_DIR": "", "TMPDIR": str(folder / "tmp")}
 
 
 def test_a_user_without_a_home_has_a_folder_of_the_own_among_temporary_files(

@@ -19,13 +19,13 @@ from typing import Final
 
 log = logging.getLogger(__name__)
 
-LIMIT: Final = 64 << 20
-"""Largest size of all kept files, bytes: some hundreds of units."""
+LIMIT: Final = 128 << 20
+"""Largest size of all kept files, bytes: some hundreds of units, and the compiled kernels of some checkouts."""
 MAKING: Final = ".making-"
 """Begins the names of the folders in which files are made."""
 ABANDONED: Final = 3600.0
 """Age from which nobody works in such a folder any more, s."""
-_KEPT: Final = re.compile(r".+-[0-9a-f]{64}\.(so|json)")
+_KEPT: Final = re.compile(r".+-[0-9a-f]{64}(\.\d+)?\.[a-z]+")
 
 
 def own(path: Path) -> Path | None:

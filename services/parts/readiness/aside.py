@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Final
 
 from dtwin.parameters import SOURCE
 from dtwin.services.supervisor import PREPARED
+from iec61499.runtime.kept.folder import kept_folder
 
 if TYPE_CHECKING:
     from dtwin.services.service import Service
@@ -81,7 +82,7 @@ def _code_of(module: str) -> str:
     """A checksum of what kept kernels depend on: sources, Numba, Python, the machine, and where they are kept."""
     specs = (find_spec(name) for name in (module, "numba"))
     origins = [Path(spec.origin) for spec in specs if spec is not None and spec.origin is not None]
-    parts = [sys.version, platform.node(), os.environ.get("NUMBA_CACHE_DIR", "")]
+    parts = [sys.version, platform.node(), os.environ.get("NUMBA_CACHE_DIR") or str(kept_folder())]
     for source in (*origins, *sorted((SOURCE / "dtwin").rglob("*.py"))):
         with suppress(OSError):  # a file that goes meanwhile
             status = source.stat()
