@@ -5,8 +5,8 @@ What goes in and out are values, so that a station may as well be a process of i
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final, Literal, NamedTuple, Protocol
 
@@ -295,11 +295,17 @@ class WorkTimes:
         grip: from the offer of a box to an arm that waits for it until it is held, s.
         carry: from there until it is at its place, s, by the place.
         back: from there until the arm waits for the next box, s, by the place.
+        classes: as `carry`, by the place and the number of the class of mass, where it is known so well.
     """
 
     grip: float
     carry: Mapping[str, float]
     back: Mapping[str, float]
+    classes: Mapping[tuple[str, int], float] = field(default_factory=dict)
+
+    def carried(self, place: str, kind: int) -> float:
+        """From when a box of a class is held until it is at a place, s; where nobody knows, as long as to any."""
+        return self.classes.get((place, kind), self.carry.get(place, max(self.carry.values(), default=0.0)))
 
 
 def _arm_settings(text: str) -> ArmSettings:
@@ -320,10 +326,11 @@ class TimedStation:
 
     Args:
         times: how long it takes.
+        kind: tells the number of the class of a mass, kg.
     """
 
-    def __init__(self, times: WorkTimes) -> None:
-        self._times = times
+    def __init__(self, times: WorkTimes, kind: Callable[[float], int] = lambda mass: 0) -> None:
+        self._times, self._kind = times, kind
         self._time = 0.0
         self._ready = 4.0
         self._place = ""
@@ -331,14 +338,18 @@ class TimedStation:
         self._arm = FREE
         self._stop = 0
 
-    def resume(self, now: StationNow, time: float, stopped: bool) -> None:
-        """Goes on as a station does at a plant time (s), or stands as one whose arm is stopped or can do nothing."""
-        carry, back = self._times.carry, self._times.back
-        self._time, self._arm, self._place, self._stop = time, now.arm, now.place, int(stopped or not carry)
+    def resume(self, now: StationNow, time: float, stopped: bool, kind: int = 0) -> None:
+        """Goes on as a station does at a plant time (s), or stands as one whose arm is stopped or can do nothing.
+
+        The box that it has, if any, is of the class of a number.
+        """
+        back = self._times.back
+        self._time, self._arm, self._place = time, now.arm, now.place
+        self._stop = int(stopped or not self._times.carry)
         if now.last:
             self._ready = now.ended + back.get(now.last, max(back.values(), default=0.0))
         self._picks = now.began if now.arm == HOLDING else max(now.began, self._ready) + self._times.grip
-        self._delivers = self._picks + carry.get(now.place, max(carry.values(), default=0.0))
+        self._delivers = self._picks + self._times.carried(now.place, kind)
 
     def give(self, kind: str, mass: float = 0.0, text: str = "") -> None:
         if kind == "bring":
@@ -346,7 +357,7 @@ class TimedStation:
             self._picks = max(self._time, self._ready) + self._times.grip
             if text not in self._times.carry:
                 self._stop = 1  # an arm is stopped that is offered what it cannot hold
-            self._delivers = self._picks + self._times.carry.get(text, 0.0)
+            self._delivers = self._picks + self._times.carried(text, self._kind(mass))
         elif kind == "take":
             self._arm = FREE
 

@@ -52,4 +52,5 @@ def expected(line: Line, known: Known, assignment: Assignment, horizon: float) -
 def scaled_times(times: WorkTimes, factor: float) -> WorkTimes:
     """Work times that all are so many times as long."""
     carry, back = ({place: factor * time for place, time in part.items()} for part in (times.carry, times.back))
-    return WorkTimes(factor * times.grip, carry, back)
+    classes = {each: factor * time for each, time in times.classes.items()}
+    return WorkTimes(factor * times.grip, carry, back, classes)

@@ -4,8 +4,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dtwin.line.station import WorkTimes
+from dtwin.bus.line.situation import StationNow
+from dtwin.line.station import HOLDING, TimedStation, WorkTimes
 from dtwin.line.twins.work import MeasuredWork
+from dtwin.signals import EventKind
 
 PLACES = ("blue", "red")
 REHEARSED = WorkTimes(1.0, {"blue": 2.0, "red": 2.5}, {"blue": 1.5, "red": 1.0})
@@ -79,12 +81,27 @@ def test_lighter_boxes_may_take_longer_without_the_arm_being_slower() -> None:
         work.follow(all_ticks[:250], kind)  # what the arm has is looked at while it has it
         work.follow(all_ticks[250:], 0)
     assert work.slowness == pytest.approx(1.0)
-    assert work.times(REHEARSED).carry["blue"] == pytest.approx(2.2)
+    found = work.times(REHEARSED)
+    assert found.carry["blue"] == pytest.approx(2.2)
+    assert [found.carried("blue", kind) for kind in (0, 1, 2)] == pytest.approx([2.0, 2.4, 2.2])
+    assert found.carried("red", 1) == pytest.approx(found.carry["red"])
     for _ in range(5):
         all_ticks = ticks([(1, 0, 100, 300, 150)])
         work.follow(all_ticks[:250], 1)
         work.follow(all_ticks[250:], 0)
     assert work.slowness == pytest.approx(1.25)
+
+
+@pytest.mark.parametrize(("mass", "carry"), [(0.2, 2.0), (0.1, 2.4)])
+def test_a_simulated_arm_takes_as_long_as_it_does_for_boxes_of_a_class(mass: float, carry: float) -> None:
+    times = WorkTimes(1.0, {"blue": 2.2}, {"blue": 1.5}, {("blue", 0): 2.0, ("blue", 1): 2.4})
+    begun, going_on = (TimedStation(times, lambda mass: int(mass < 0.15)) for _ in range(2))
+    begun.advance(1000)
+    begun.give("bring", mass, "blue")
+    going_on.resume(StationNow("a1", 0, 1, 0, HOLDING, "blue", 11.0, "", 0.0), 11.0, False, int(mass < 0.15))
+    for station, ticks in ((begun, 500), (going_on, 400)):
+        (delivered,) = [e.time for e in station.advance(ticks).events if e.kind == EventKind.DELIVERED]
+        assert delivered == pytest.approx(11.0 + carry)
 
 
 def test_nobody_is_slower_than_at_first_before_enough_boxes_were_brought() -> None:

@@ -89,10 +89,12 @@ class Forward:
         """
         line = self._line
         names = {station.name for number in zones for station in line.zones[number].stations}
-        stations = {name: TimedStation(change.times[name]) for name in names}
+        stations = {name: TimedStation(change.times[name], line.source.kind) for name in names}
+        kinds = {box.number: box.kind for box in now.plant.boxes}
         for each in now.plant.stations:
             if each.name in names:
-                stations[each.name].resume(each, now.plant.time, each.name in change.stopped)
+                kind = kinds.get(each.worked or each.waits, 0)
+                stations[each.name].resume(each, now.plant.time, each.name in change.stopped, kind)
         made: dict[str, Station] = {s.name: stations[s.name] for s in line.stations if s.name in names}
         plant, control = Plant(line, made), Control(line, self._blocks)
         plant.resume(now.plant)

@@ -108,7 +108,13 @@ class MeasuredWork:
             for place, last in self._carries.items()
             if len(last) >= _ENOUGH
         }
-        return WorkTimes(grip, _everywhere(carries, rehearsed.carry), _everywhere(backs, rehearsed.back))
+        classes = {
+            (place, kind): _usual(told)
+            for place in rehearsed.carry
+            for kind in {each for each, _ in self._carries[place]}
+            if len(told := self._carried_to(place, kind)) >= _ENOUGH
+        }
+        return WorkTimes(grip, _everywhere(carries, rehearsed.carry), _everywhere(backs, rehearsed.back), classes)
 
     def _since(self, tick: int) -> float:
         return (self._ticks - tick) * self._period

@@ -186,7 +186,8 @@ def best_first(found: Sequence[SetUpFlow], question: FlowQuestion) -> list[SetUp
 
 def _in_cycles(times: WorkTimes) -> tuple[int, ...]:
     """How long an arm takes in cycles of the line: the least difference that matters to its flow."""
-    return tuple(round(time / CYCLE) for time in (times.grip, *times.carry.values(), *times.back.values()))
+    told = times.grip, *times.carry.values(), *times.back.values(), *times.classes.values()
+    return tuple(round(time / CYCLE) for time in told)
 
 
 def in_an_hour(left: Passing) -> float:
@@ -238,7 +239,7 @@ def simulated(
         horizon: time that is counted, s.
         warm_up: time before it, s.
     """
-    stations: dict[str, Station] = {station.name: TimedStation(times[station.name]) for station in line.stations}
+    stations: dict[str, Station] = {s.name: TimedStation(times[s.name], line.source.kind) for s in line.stations}
     others = replace(line, seed=line.seed + 1)  # which boxes will come is not known
     plant, control = Plant(others, stations), Control(line, OneResource(line))
     control.set_up(line.assignment)
