@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from dtwin.logs.log import Log
-from dtwin.parameters import HANGING, PERIOD
+from dtwin.parameters import HANGING
 from dtwin.run.options import ControlOptions
 from dtwin.signals import ARM_STATES
-from dtwin.twin.machine import MACHINE_NAMES, SUBSTEP, WIDTH, integrate_machine
+from dtwin.twin.machine import MACHINE_NAMES, Steps, integrate_machine
 from evidence.monitoring.false_alarms import Shift, WatchedShift, false_alarms_report, interval, watch_shift
 from evidence.monitoring.twin_cell import TwinCell
 from tests.support.iec61499.c_harness import needs_compiler
@@ -43,8 +43,8 @@ def test_work_does_not_depend_on_how_it_is_divided() -> None:
 
 def test_the_arm_obeys_the_equations_of_the_twin_with_effects() -> None:
     found = cell()
-    found._readings.deviation, found._readings.loss, found._resolution[:] = 0.0, 0.0, 0.0
-    p, late = found._vector, len(found._commands)
+    found._readings.deviation, found._readings.loss, found._device.resolution[:] = 0.0, 0.0, 0.0
+    p, late = found._device.p, len(found._state.commands)
     log = found.run(2.0)
     assert not log.columns["box_gripped"].any()
     measured, volts = log.stack("measured"), log.stack("volts")[:, :3]
@@ -57,7 +57,7 @@ def test_the_arm_obeys_the_equations_of_the_twin_with_effects() -> None:
         )
         commands = np.vstack((commands[1:], volts[row]))
         states = np.vstack((state, state))
-        integrate_machine(p, commands, np.zeros(late), PERIOD, SUBSTEP, WIDTH, late - 1, acting, states)
+        integrate_machine(p, commands, np.zeros(late), Steps(), late - 1, acting, states)
         state = states[1]
     assert np.abs(measured[-1] - HANGING).max() > 0.1
 
@@ -66,7 +66,7 @@ def test_amplifiers_encoders_and_losses_have_their_resolution_and_rate() -> None
     found = cell()
     found._readings.loss = 0.3
     log = found.run(60.0)
-    steps = log.stack("measured") / found._resolution[1]
+    steps = log.stack("measured") / found._device.resolution[1]
     assert steps == pytest.approx(np.round(steps), abs=1e-6)
     again = (np.diff(log.stack("measured"), axis=0) == 0.0).all(axis=1) & (np.abs(log.stack("volts")[1:, 0]) > 0.0)
     assert 0.25 < again.mean() < 0.6
