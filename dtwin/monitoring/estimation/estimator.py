@@ -175,7 +175,9 @@ class Estimator:
 
         Its score and information are those of the estimator from now on.
         """
-        likelihood: float = kernels.weigh(joint, self.arrays())
+        likelihood: float = kernels.weigh(
+            joint, self.innovation, self.variance, self._noise, self._clip, self.score, self.information
+        )
         return likelihood
 
     def expected(self) -> tuple[Array, Array]:
