@@ -17,7 +17,7 @@ from dtwin.parameters import PERIOD
 from dtwin.twin import closed_loop, dry_friction, dynamics, lanes, machine
 from dtwin.twin.closed_loop import FINISHED, Blocks, exchange
 from dtwin.twin.compiled import kernel
-from dtwin.twin.machine import MACHINE_NAMES, SUBSTEP, WIDTH, Array, Steps, integrate_machine
+from dtwin.twin.machine import MACHINE_NAMES, SUBSTEP, Array, integrate_machine
 
 DIVERGED: Final = -1
 _SIN: Final = MACHINE_NAMES.index("eccentric_sin1")
@@ -133,8 +133,7 @@ def work(
     for k in range(ticks):
         if moves or k:
             states[0] = arm
-            steps = Steps(PERIOD, SUBSTEP, WIDTH)
-            if not integrate_machine(p, commands, masses, steps, first, acting, states):
+            if not integrate_machine(p, commands, masses, PERIOD, SUBSTEP, first, acting, states):
                 return k, DIVERGED
             arm[:] = states[1]
             _turn_fingers(fingers, voltages[3], jaw, slowed)
