@@ -26,7 +26,7 @@ from dtwin.task import DEFAULT_TASK, Task
 from dtwin.twin.closed_loop import CompiledLoop, Motion
 from dtwin.twin.dynamics import integrate
 from dtwin.twin.effects import NO_EFFECTS, Effects
-from dtwin.twin.machine import Steps, integrate_machine, vector_of
+from dtwin.twin.machine import SUBSTEP, integrate_machine, vector_of
 from dtwin.twin.rollout import is_weight_only
 from dtwin.twin.side_by_side import Begun, SideBySide
 from iec61499.native.resource import NativeResource
@@ -198,7 +198,7 @@ class MachineArm:
         """
         self._commands[tick] = volts
         commands, loads, rows = self._commands[: tick + 1], self._loads[: tick + 1], self.states[tick : tick + 2]
-        if not integrate_machine(self._vector, commands, loads, Steps(), tick, self._acting, rows):
+        if not integrate_machine(self._vector, commands, loads, PERIOD, SUBSTEP, tick, self._acting, rows):
             raise DivergenceError("what-if simulation", tick * PERIOD, rows[0])
         return joint_vector(rows[1, :3])
 

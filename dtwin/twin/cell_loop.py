@@ -17,7 +17,7 @@ from dtwin.parameters import PERIOD
 from dtwin.twin import closed_loop, dry_friction, dynamics, lanes, machine
 from dtwin.twin.closed_loop import FINISHED, Blocks, exchange
 from dtwin.twin.compiled import kernel
-from dtwin.twin.machine import MACHINE_NAMES, SUBSTEP, WIDTH, Array, Steps, integrate_machine
+from dtwin.twin.machine import MACHINE_NAMES, SUBSTEP, Array, integrate_machine
 
 DIVERGED: Final = -1
 _SIN: Final = MACHINE_NAMES.index("eccentric_sin1")
@@ -122,36 +122,36 @@ def work(
     Returns:
         The number of ticks done, and FINISHED, DIVERGED or what else the controller's function returned.
     """
-    p, commands, volts, measured = device.p, state.commands, course.volts, course.measured
+    (p, resolution, jaw), (arm, commands, acting, fingers) = device, state
+    (noise, lost), (measured, path, volts, gripped) = disturbed, course
+    function, unit, request, answer, memory, places = b
     ticks, first = volts.shape[0], commands.shape[0] - 1
     states, masses = np.empty((2, 6)), np.full(first + 1, payload)
-    numbers, voltages = b.request[:_GRIPPED].view(np.float64), b.answer[:_GRIPPED].view(np.float64)
-    requested, answered = b.request.ctypes.data, b.answer.ctypes.data
-    held = b.answer[_GRIPPED]
-    slowed = math.exp(-PERIOD * device.jaw[1] / device.jaw[0])
+    numbers, voltages = request[:_GRIPPED].view(np.float64), answer[:_GRIPPED].view(np.float64)
+    requested, answered = request.ctypes.data, answer.ctypes.data
+    held, slowed = answer[_GRIPPED], math.exp(-PERIOD * jaw[1] / jaw[0])
     for k in range(ticks):
         if moves or k:
-            states[0] = state.arm
-            steps = Steps(PERIOD, SUBSTEP, WIDTH)
-            if not integrate_machine(p, commands, masses, steps, first, state.acting, states):
+            states[0] = arm
+            if not integrate_machine(p, commands, masses, PERIOD, SUBSTEP, first, acting, states):
                 return k, DIVERGED
-            state.arm[:] = states[1]
-            _turn_fingers(state.fingers, voltages[3], device.jaw, slowed)
+            arm[:] = states[1]
+            _turn_fingers(fingers, voltages[3], jaw, slowed)
         for i in range(3):
-            angle = state.arm[i]
-            reading = angle + p[_SIN + i] * math.sin(angle) + p[_COS + i] * math.cos(angle) + disturbed.noise[k, i]
-            reading = _rounded(reading, device.resolution[1])
-            measured[k + 1, i] = numbers[i] = measured[k, i] if disturbed.lost[k] else reading
-        measured[k + 1, 3] = numbers[3] = state.fingers[0]
-        problem = exchange(b.function, b.unit, requested, answered)
+            angle = arm[i]
+            reading = angle + p[_SIN + i] * math.sin(angle) + p[_COS + i] * math.cos(angle) + noise[k, i]
+            reading = _rounded(reading, resolution[1])
+            measured[k + 1, i] = numbers[i] = measured[k, i] if lost[k] else reading
+        measured[k + 1, 3] = numbers[3] = fingers[0]
+        problem = exchange(function, unit, requested, answered)
         if problem != FINISHED:
             return k, problem
         commands[:-1] = commands[1:]
         for i in range(3):
-            course.path[k, i] = b.memory[b.places[i]]
-            commands[first, i] = _rounded(voltages[i], device.resolution[0])
+            path[k, i] = memory[places[i]]
+            commands[first, i] = _rounded(voltages[i], resolution[0])
         volts[k] = voltages
-        course.gripped[k] = b.answer[_GRIPPED] != 0
-        if b.answer[_GRIPPED] != held:
+        gripped[k] = answer[_GRIPPED] != 0
+        if answer[_GRIPPED] != held:
             return k + 1, FINISHED
     return ticks, FINISHED

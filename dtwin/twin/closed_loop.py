@@ -101,8 +101,9 @@ def closed_loop(b: Blocks, noise: Array, loaded: LoadedArm, steps: Steps, motion
     Returns:
         FINISHED, DIVERGED when a state is not finite, or what else the function returned; and the tick.
     """
-    states, measured = motion.states, motion.measured
-    angles, request, answer = b.request[:24].view(np.float64), b.request.ctypes.data, b.answer.ctypes.data
+    # Numba counts a reference at every access to an array of a structure: what the loop needs is taken out before.
+    (states, measured, path, volts), (function, unit, message, answer, memory, places) = motion, b
+    angles, request, answered = message[:24].view(np.float64), message.ctypes.data, answer.ctypes.data
     arm = coefficients(loaded.parameters, loaded.payload, loaded.weight_only)
     step = steps.period / steps.substeps
     x = (states[0, 0], states[0, 1], states[0, 2], states[0, 3], states[0, 4], states[0, 5])
@@ -110,14 +111,14 @@ def closed_loop(b: Blocks, noise: Array, loaded: LoadedArm, steps: Steps, motion
         for i in range(3):
             measured[k, i] = states[k, i] + noise[k, i] if noise.shape[0] else states[k, i]
             angles[i] = measured[k, i]
-        b.request[24] = k == 0
-        problem = exchange(b.function, b.unit, request, answer)
+        message[24] = k == 0
+        problem = exchange(function, unit, request, answered)
         if problem != FINISHED:
             return problem, k
         for i in range(3):
-            motion.volts[k, i] = b.answer[i]
-            motion.path[k, i] = b.memory[b.places[i]]
-        x, finite = advance(x, held_torque(b.answer, arm), arm, steps.width, step, steps.substeps)
+            volts[k, i] = answer[i]
+            path[k, i] = memory[places[i]]
+        x, finite = advance(x, held_torque(answer, arm), arm, steps.width, step, steps.substeps)
         for i in range(6):
             states[k + 1, i] = x[i]
         if not finite:
@@ -148,21 +149,22 @@ def exchanges(function: int, unit: int, requests: NDArray[np.uint8], answers: Ar
 @kernel(nogil=True)
 def _responses(b: Blocks, rest: Array, points: Array, found: Array) -> tuple[int, int]:
     """Lets a controller answer samples that all come in the same state, as `TickResponses.after` says."""
-    memory, places, count = b.memory, b.places, b.places.shape[0]
-    angles, request, answer = b.request[:24].view(np.float64), b.request.ctypes.data, b.answer.ctypes.data
+    function, unit, message, answer, memory, places = b
+    angles, request, answered = message[:24].view(np.float64), message.ctypes.data, answer.ctypes.data
+    count = places.shape[0]
     for k in range(points.shape[0]):
         memory[:] = rest
         for i in range(count):
             memory[places[i]] = points[k, i]
         for i in range(3):
             angles[i] = points[k, count + i]
-        problem = exchange(b.function, b.unit, request, answer)
+        problem = exchange(function, unit, request, answered)
         if problem != FINISHED:
             return problem, k
         for i in range(count):
             found[k, i] = memory[places[i]]
         for i in range(3):
-            found[k, count + i] = b.answer[i]
+            found[k, count + i] = answer[i]
     memory[:] = rest
     return FINISHED, points.shape[0]
 

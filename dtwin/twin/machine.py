@@ -104,7 +104,7 @@ def machine_rollout(vector: Array, state0: ArrayLike, volts: Array, payload: Arr
     states = np.empty((len(volts) + 1, 6))
     states[0] = state0
     acting = np.full(3, np.nan)
-    reached = integrate_machine(vector, volts, payload, Steps(), 0, acting, states)
+    reached = integrate_machine(vector, volts, payload, PERIOD, SUBSTEP, 0, acting, states)
     if reached < len(volts):
         raise DivergenceError("rollout of the twin with effects", reached * PERIOD, states[reached])
     q = states[:, :3]
@@ -295,12 +295,10 @@ class Steps(NamedTuple):
     Attributes:
         period: time between samples, s.
         longest: largest integration step, s.
-        width: velocity over which dry friction changes sign, rad/s.
     """
 
-    period: float = PERIOD
-    longest: float = SUBSTEP
-    width: float = WIDTH
+    period: float
+    longest: float
 
 
 @kernel(inlined=True)
@@ -328,8 +326,8 @@ def lagged(v: JointVector, at: Portion) -> tuple[JointVector, JointVector, Joint
 
 
 @kernel(inlined=True)
-def _after_friction(x: Sextuple, h: float, p: Array, c: Array, width: float) -> Sextuple:
-    w = rubbed(x[3:], inverse(mass(directions(x[0], x[1], x[2]), c)), h, p, width)
+def _after_friction(x: Sextuple, h: float, p: Array, c: Array) -> Sextuple:
+    w = rubbed(x[3:], inverse(mass(directions(x[0], x[1], x[2]), c)), h, p, WIDTH)
     return x[0], x[1], x[2], w[0], w[1], w[2]
 
 
@@ -338,7 +336,7 @@ def _over_sample(
     x: Sextuple, v: JointVector, volts: Array, k: int, p: Array, c: Array, has: Regime, steps: Steps
 ) -> tuple[Sextuple, JointVector]:
     """The state and the voltages that act after sample k, a row of volts; arguments as for `integrate_machine`."""
-    torque, width = constant_torque(p), steps.width
+    torque = constant_torque(p)
     for part in range(2):
         at = portion(p, volts, k, part, has, steps)
         h = at.h
@@ -346,7 +344,7 @@ def _over_sample(
             v = at.u
         for step in range(at.steps):
             if has.dry:
-                x = _after_friction(x, h if step else 0.5 * h, p, c, width)
+                x = _after_friction(x, h if step else 0.5 * h, p, c)
             start, middle, v = lagged(v, at)
             k1 = derivative(x, start, torque, p, c, has)
             k2 = derivative(along(x, 0.5 * h, k1), middle, torque, p, c, has)
@@ -354,13 +352,13 @@ def _over_sample(
             k4 = derivative(along(x, h, k3), v, torque, p, c, has)
             x = along(x, h / 6.0, along(along(k1, 2.0, along(k2, 1.0, k3)), 1.0, k4))
         if has.dry and at.steps:
-            x = _after_friction(x, 0.5 * h, p, c, width)
+            x = _after_friction(x, 0.5 * h, p, c)
     return x, v
 
 
 @kernel(uses=(dry_friction, dynamics, lanes))
 def integrate_machine(
-    p: Array, volts: Array, payload: Array, steps: Steps, first: int, acting: Array, states: Array
+    p: Array, volts: Array, payload: Array, period: float, longest: float, first: int, acting: Array, states: Array
 ) -> int:
     """Integrates from states[0] and writes states[1:].
 
@@ -368,7 +366,8 @@ def integrate_machine(
         p: (78,), see MACHINE_NAMES.
         volts: (first + N, 3), V.
         payload: (first + N,), kg.
-        steps: how the motion is integrated.
+        period: time between samples, s.
+        longest: largest integration step, s.
         first: number of rows of volts that belong to the time before the start; late commands come from there.
         acting: (3,), voltages that act at the start, V; not a number if nobody knows, then those of the command. They
             are replaced by those that act at the end.
@@ -377,7 +376,7 @@ def integrate_machine(
     Returns:
         N, or the number of the last finite row when the next one is not finite.
     """
-    has, c, x = regime(p, steps.period), np.empty(15), states[0]
+    steps, has, c, x = Steps(period, longest), regime(p, period), np.empty(15), states[0]
     state, v = (x[0], x[1], x[2], x[3], x[4], x[5]), (acting[0], acting[1], acting[2])
     for k in range(first, volts.shape[0]):
         if k == first or payload[k] != payload[k - 1]:

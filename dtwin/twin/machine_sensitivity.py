@@ -235,7 +235,7 @@ def linearise_machine(p: Array, volts: Array, payload: float, acting: Array, sta
     dx = _load(rows, 0), _load(rows, 1), _load(rows, 2), _load(rows, 3), _load(rows, 4), _load(rows, 5)
     v, has, torque = (acting[0], acting[1], acting[2]), regime(p, PERIOD), constant_torque(p)
     for part in range(2):
-        at = portion(p, volts, volts.shape[0] - 1, part, has, Steps(PERIOD, SUBSTEP, WIDTH))
+        at = portion(p, volts, volts.shape[0] - 1, part, has, Steps(PERIOD, SUBSTEP))
         h = at.h
         if at.steps and not math.isfinite(v[0]):
             v = at.u

@@ -71,8 +71,7 @@ def closed_loops(
         motions: receives the motions, one a row; the first states of each are where it starts.
         ends: (J, 2), receives what `closed_loop` returns.
     """
-    states, samples, path, volts = motions.states, motions.measured, motions.path, motions.volts
-    units, requests, answer = controllers.units, controllers.requests, controllers.answer
+    (states, samples, path, volts), (function, units, requests, answer, places) = motions, controllers
     count, ticks = samples.shape[0], samples.shape[1]
     c, x, torque = _loaded(arms, count), np.empty((6, WIDTH)), np.zeros((3, WIDTH))
     for lane in range(WIDTH):
@@ -95,13 +94,13 @@ def closed_loops(
                 angles[job, i] = samples[job, k, i] = states[job, k, i] + noise[job, k, i]
             requests[job, 24] = k == 0
             place = unit + 8 * job * units.shape[1]
-            ends[job, 0] = exchange(controllers.function, place, request + job * requests.shape[1], answered)
+            ends[job, 0] = exchange(function, place, request + job * requests.shape[1], answered)
             if ends[job, 0] != FINISHED:
                 ends[job, 1] = k
                 continue
             for i in range(3):
                 volts[job, k, i] = answer[i]
-                path[job, k, i] = units[job, controllers.places[i]]
+                path[job, k, i] = units[job, places[i]]
                 torque[i, job] = c[_K + i, job] * clipped(answer[i])
         state = (load(x, 0), load(x, 1), load(x, 2), load(x, 3), load(x, 4), load(x, 5))
         held = (load(torque, 0), load(torque, 1), load(torque, 2))

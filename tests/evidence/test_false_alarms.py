@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from dtwin.logs.log import Log
-from dtwin.parameters import HANGING
+from dtwin.parameters import HANGING, PERIOD
 from dtwin.run.options import ControlOptions
 from dtwin.signals import ARM_STATES
-from dtwin.twin.machine import MACHINE_NAMES, Steps, integrate_machine
+from dtwin.twin.machine import MACHINE_NAMES, SUBSTEP, integrate_machine
 from evidence.monitoring.false_alarms import Shift, WatchedShift, false_alarms_report, interval, watch_shift
 from evidence.monitoring.twin_cell import TwinCell
 from tests.support.iec61499.c_harness import needs_compiler
@@ -57,7 +57,7 @@ def test_the_arm_obeys_the_equations_of_the_twin_with_effects() -> None:
         )
         commands = np.vstack((commands[1:], volts[row]))
         states = np.vstack((state, state))
-        integrate_machine(p, commands, np.zeros(late), Steps(), late - 1, acting, states)
+        integrate_machine(p, commands, np.zeros(late), PERIOD, SUBSTEP, late - 1, acting, states)
         state = states[1]
     assert np.abs(measured[-1] - HANGING).max() > 0.1
 

@@ -22,7 +22,7 @@ from dtwin.simulation.whatif import MotionCase, Simulator
 from dtwin.task import DEFAULT_TASK
 from dtwin.twin.effects import NO_EFFECTS, Effects
 from dtwin.twin.energy import energy
-from dtwin.twin.machine import Steps, integrate_machine, vector_of
+from dtwin.twin.machine import SUBSTEP, integrate_machine, vector_of
 from evidence.simulation.emulated_arm import EmulatedArm
 
 T4 = ControlSettings(target_time=4.0)
@@ -63,7 +63,7 @@ def test_an_arm_with_effects_moves_as_their_equations_say(simulator: Simulator) 
     (motion,) = simulator.run_all([case])
     states = motion.states[2:].copy()
     loads, acting = np.full(len(motion.volts), 0.2), np.full(3, np.nan)
-    integrate_machine(vector_of(case.arm, effects), motion.volts, loads, Steps(), 2, acting, states)
+    integrate_machine(vector_of(case.arm, effects), motion.volts, loads, PERIOD, SUBSTEP, 2, acting, states)
     np.testing.assert_allclose(motion.states[2:], states, rtol=0, atol=1e-12)
     assert motion.figures.tracking_max > simulator.run(replace(case, effects=NO_EFFECTS)).figures.tracking_max
     with pytest.raises(ParameterError, match="expected point for an arm with effects, got weight"):

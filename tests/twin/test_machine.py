@@ -16,7 +16,6 @@ from dtwin.twin.machine import (
     MACHINE_NAMES,
     SUBSTEP,
     WIDTH,
-    Steps,
     eccentricity_slopes,
     integrate_machine,
     machine_of_vector,
@@ -39,7 +38,7 @@ def acceleration(vector: Array, start: Array = START, volts: Array = VOLTS[:1]) 
     """Joint accelerations at the start, (3,), rad/s^2."""
     states, moment = np.empty((2, 6)), 1e-7
     states[0] = start
-    integrate_machine(vector, volts, np.zeros(1), Steps(moment, moment), 0, np.full(3, np.nan), states)
+    integrate_machine(vector, volts, np.zeros(1), moment, moment, 0, np.full(3, np.nan), states)
     slope: Array = (states[1, 3:] - start[3:]) / moment
     return slope
 
@@ -150,8 +149,8 @@ def test_a_finer_step_changes_little() -> None:
     everything = vector_of(ArmParameters(coulomb=(0.02, 0.02, 0.02)), effects)
     coarse, fine = np.empty((51, 6)), np.empty((51, 6))
     coarse[0] = fine[0] = START
-    integrate_machine(everything, VOLTS, EMPTY, Steps(), 0, np.full(3, np.nan), coarse)
-    integrate_machine(everything, VOLTS, EMPTY, Steps(longest=SUBSTEP / 8), 0, np.full(3, np.nan), fine)
+    integrate_machine(everything, VOLTS, EMPTY, PERIOD, SUBSTEP, 0, np.full(3, np.nan), coarse)
+    integrate_machine(everything, VOLTS, EMPTY, PERIOD, SUBSTEP / 8, 0, np.full(3, np.nan), fine)
     assert np.abs(coarse - fine)[:, :3].max() < 2e-3
 
 

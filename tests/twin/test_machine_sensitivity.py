@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from dtwin.parameters import PERIOD, VOLTAGE_LIMIT, ArmParameters, JointVector
 from dtwin.twin.effects import Effects
-from dtwin.twin.machine import EXTRA_NAMES, MACHINE_NAMES, Array, Steps, integrate_machine, vector_of
+from dtwin.twin.machine import EXTRA_NAMES, MACHINE_NAMES, SUBSTEP, Array, integrate_machine, vector_of
 from dtwin.twin.machine_sensitivity import linearise_machine
 from tests.support.examples import examples
 
@@ -43,7 +43,7 @@ def carried(begun: Begun, number: int = 0, step: float = 0.0) -> tuple[Array, Ar
         p[TORQUE + number - 6] += step
     else:
         masses[:] += step
-    integrate_machine(p, begun.volts, masses, Steps(), 4, acting, states)
+    integrate_machine(p, begun.volts, masses, PERIOD, SUBSTEP, 4, acting, states)
     return states[1], acting
 
 

@@ -236,16 +236,18 @@ def _shrink(P: Array, columns: Array, shares: Array) -> None:
             P[j, k] = left - (second[j] * second[k]) * shares[1] - (third[j] * third[k]) * shares[2]
 
 
-@kernel(uses=(arrays,))
-def weigh(i: int, f: Filter) -> float:
+@kernel
+def weigh(
+    i: int, innovation: Array, variance: Array, noise: Array, clip: Array, score: Array, information: Array
+) -> float:
     """Fills in score and information of one reading; returns the logarithm of its likelihood. See `correct`."""
-    nu, s = f.innovation[i], f.variance[i]
-    limit = f.clip[i] * math.sqrt(s / f.noise[i])
+    nu, s = innovation[i], variance[i]
+    limit = clip[i] * math.sqrt(s / noise[i])
     share, constant = huber(limit)
     most = limit * math.sqrt(s)
     counted = min(max(nu, -most), most)
-    f.score[i] = counted * (1.0 / s)
-    f.information[i] = share / s
+    score[i] = counted * (1.0 / s)
+    information[i] = share / s
     return -0.5 * (counted * (2.0 * nu - counted) / s + math.log(2.0 * math.pi * s)) - constant
 
 
@@ -268,7 +270,8 @@ def correct(f: Filter, measured: Array, used: Any) -> float:
     Returns:
         the logarithm of the readings' likelihood.
     """
-    x, P, gains, noise, clip, score = f.x, f.P, f.gains, f.noise, f.clip, f.score
+    x, P, gains, noise, clip, lower, upper = f.x, f.P, f.gains, f.noise, f.clip, f.lower, f.upper
+    innovation, variance, score, information = f.innovation, f.variance, f.score, f.information
     likelihood = 0.0
     columns, shares = np.empty((3, SIZE)), np.zeros(3)
     for i in range(3):
@@ -276,12 +279,12 @@ def correct(f: Filter, measured: Array, used: Any) -> float:
         column = columns[i]
         s = column[i] + column[BIAS + i] + noise[i]
         nu = measured[i] - x[i] - x[BIAS + i]
-        f.innovation[i] = nu
-        f.variance[i] = s
+        innovation[i] = nu
+        variance[i] = s
         if not used[i]:
             gains[i] = 0.0
             continue
-        likelihood += weigh(i, f)
+        likelihood += weigh(i, innovation, variance, noise, clip, score, information)
         counted = score[i] * s
         for j in range(SIZE):
             gains[i, j] = column[j] / s
@@ -292,7 +295,7 @@ def correct(f: Filter, measured: Array, used: Any) -> float:
             gains[i] = 0.0
     _shrink(P, columns, shares)
     for j in range(SIZE):
-        x[j] = min(max(x[j], f.lower[j]), f.upper[j])
+        x[j] = min(max(x[j], lower[j]), upper[j])
     return likelihood
 
 

@@ -76,7 +76,9 @@ def correct(filters: Filters, clones: Clones, measured: Array, used: Any) -> flo
 @kernel(uses=(arrays, kernels))
 def weigh(filters: Filters, joint: int) -> float:
     """See `kernels.weigh`."""
-    likelihood: float = kernels.weigh(joint, filters[0])
+    f = filters[0]
+    found = f.innovation, f.variance, f.noise, f.clip, f.score, f.information
+    likelihood: float = kernels.weigh(joint, *found)
     return likelihood
 
 

@@ -97,7 +97,7 @@ class ReadingsArrays(NamedTuple):
 def apply(r: ReadingsArrays, measured: Array, angles: Array) -> None:
     """Takes in readings (3,), rad, and writes the angles (3,) that they measure, rad."""
     last, known, resolution, deviation = r.last, r.known, r.resolution, r.deviation
-    has_repeated, repeated, dithered = r.has_repeated, r.repeated, r.dithered
+    has_repeated, repeated, dithered, noisy, new = r.has_repeated, r.repeated, r.dithered, r.noisy, r.new
     for i in range(3):
         step = measured[i] - last[i]
         equal = step == 0.0
@@ -107,10 +107,10 @@ def apply(r: ReadingsArrays, measured: Array, angles: Array) -> None:
         beyond = 0.5 * resolution[i] * (1.0 - 1.0 / held) if known[i] and not equal and not drowned else 0.0
         angles[i] = measured[i] - math.copysign(beyond, step)
         has_repeated[i] |= equal
-        exact = known[i] and resolution[i] == 0.0 and not r.noisy[i]
+        exact = known[i] and resolution[i] == 0.0 and not noisy[i]
         repeated[i] = repeated[i] + 1 if equal else 0
         by_chance = drowned and repeated[i] <= _CHANCE
-        r.new[i] = exact or by_chance if equal else known[i] or not has_repeated[i]
+        new[i] = exact or by_chance if equal else known[i] or not has_repeated[i]
         last[i] = measured[i]
 
 
@@ -135,18 +135,19 @@ def judge(r: ReadingsArrays, expected: Expected, angles: Array, measurements: Fl
     An angle of a reading that is looked at again becomes the one within its resolution that is nearest to the
     prediction.
     """
-    predicted, deviation, last = expected.angles, expected.deviation, r.last
+    (predicted, deviation, trusted), last = expected, r.last
     repeated, resolution, noise, frozen = r.repeated, r.resolution, r.deviation, r.frozen
-    left_out, missed, wild = r.left_out, r.missed, r.wild
+    left_out, missed, wild, since, pace, was_near = r.left_out, r.missed, r.wild, r.since, r.pace, r.was_near
+    new, dithered, far, spikes, confirmed = r.new, r.dithered, r.far, r.spikes, r.confirmed
     vanished = _vanished(r, predicted, deviation)
     arrived = min(repeated[0], repeated[1], repeated[2]) == 0
     for i in range(3):
         first = repeated[i] == 0
-        if first or math.isnan(r.since[i]):
-            r.since[i] = predicted[i]
+        if first or math.isnan(since[i]):
+            since[i] = predicted[i]
         # A prediction that was wrong when the reading came first moves towards it, which is no motion.
         off = abs(predicted[i] - last[i])
-        moved = min(abs(predicted[i] - r.since[i]), off)
+        moved = min(abs(predicted[i] - since[i]), off)
         stopped = repeated[i] >= FROZEN - 1 and moved > RESOLUTIONS * resolution[i]
         restless = noise[i] > max(NOISY * resolution[i], NOISE_FLOOR)
         stopped = (stopped and moved > DEVIATIONS * deviation[i]) or (
@@ -158,27 +159,27 @@ def judge(r: ReadingsArrays, expected: Expected, angles: Array, measurements: Fl
         again = not first and resolution[i] > 0.0 and off > 0.5 * resolution[i]
         again = again and (stays or repeated[i] % _LOOK == 0)
         # Where neighbouring readings differ by noise, one that repeats the last is more often a sample that was lost.
-        lost = not first and not stays and r.dithered[i] and (off > deviation[i] or vanished)
-        used = (r.new[i] or again) and not frozen[i] and not lost
-        if again and not r.new[i]:
+        lost = not first and not stays and dithered[i] and (off > deviation[i] or vanished)
+        used = (new[i] or again) and not frozen[i] and not lost
+        if again and not new[i]:
             angles[i] = last[i] + math.copysign(0.5 * resolution[i], predicted[i] - last[i])
         innovation = angles[i] - predicted[i]
-        away, limit = abs(innovation), r.far[i] * deviation[i]
+        away, limit = abs(innovation), far[i] * deviation[i]
         near = away < _NEAR * limit
         returned = away < _NEAR * abs(missed[i]) and (away < limit or (wild[i] == 1 and abs(missed[i]) < STRIDE))
-        doubted = used and away > limit and (expected.trusted or away > LEAP)
+        doubted = used and away > limit and (trusted or away > LEAP)
         # Interference confirms nothing: readings at different places, as no joint moves, and leaps that do not stay.
         step = innovation - missed[i]
         moves = wild[i] > 1 and STRIDE < abs(step) < LEAP
-        goes_on = abs(step - r.pace[i]) < max(limit, STRIDE) and (away < LEAP or moves)
+        goes_on = abs(step - pace[i]) < max(limit, STRIDE) and (away < LEAP or moves)
         scattered = doubted and left_out[i] and not returned and not goes_on and wild[i] < BURST
-        r.spikes[i] = used and left_out[i] and returned
-        r.confirmed[i] = used and left_out[i] and not returned and not scattered
-        left = scattered or (doubted and r.was_near[i])
+        spikes[i] = used and left_out[i] and returned
+        confirmed[i] = used and left_out[i] and not returned and not scattered
+        left = scattered or (doubted and was_near[i])
         if used:
             wild[i] = wild[i] + 1 if scattered else 1 if left else wild[i]
-            r.pace[i] = step if scattered else 0.0
-            left_out[i], r.was_near[i], missed[i] = left, near or r.spikes[i], innovation
+            pace[i] = step if scattered else 0.0
+            left_out[i], was_near[i], missed[i] = left, near or spikes[i], innovation
         measurements[i] = used and not left
 
 

@@ -71,32 +71,33 @@ def advance(plant: Free, b: Blocks, watched: NDArray[np.int64], sensed: Array, r
         The number of ticks done, and FINISHED, HANDED_OVER, LOST (in the last tick done) or what the function of the
         blocks returned (in the tick after these).
     """
-    q, w, read, limits, steps = plant.q, plant.w, plant.read, plant.limits, plant.steps
-    numbers, volts = b.request[:_GRIPPED].view(np.float64), b.answer[:_GRIPPED].view(np.float64)
-    requested, answered = b.request.ctypes.data, b.answer.ctypes.data
-    words = b.memory.view(np.int32)
-    gripped, before = b.answer[_GRIPPED], words[watched]
+    step, model, data, q, w, control, read, substeps, steps, due, rate, payload, limits, errors = plant
+    function, unit, request, answer, memory, places = b
+    numbers, volts = request[:_GRIPPED].view(np.float64), answer[:_GRIPPED].view(np.float64)
+    requested, answered = request.ctypes.data, answer.ctypes.data
+    words = memory.view(np.int32)
+    gripped, before = answer[_GRIPPED], words[watched]
     for k in range(rows.shape[0]):
         numbers[:] = sensed
-        problem = exchange(b.function, b.unit, requested, answered)
+        problem = exchange(function, unit, requested, answered)
         if problem != FINISHED:
             return k, problem
-        asks = b.answer[_GRIPPED] != gripped
+        asks = answer[_GRIPPED] != gripped
         for i in range(len(before)):
             asks |= words[watched[i]] != before[i]
         total = abs(volts[0]) + abs(volts[1]) + abs(volts[2]) + abs(volts[3])
         if asks or not total < limits[0]:
             return k, HANDED_OVER
         row = rows[k]
-        row[0] = steps / plant.rate
+        row[0] = steps / rate
         for i in range(3):
-            row[1 + i], row[4 + i], row[7 + i], row[10 + i] = read[i], read[4 + i], sensed[i], b.memory[b.places[i]]
+            row[1 + i], row[4 + i], row[7 + i], row[10 + i] = read[i], read[4 + i], sensed[i], memory[places[i]]
         for i in range(4):
-            row[13 + i] = plant.control[i] = volts[i]
-        row[17], row[18] = sensed[3], plant.payload
-        for _ in range(plant.substeps):
-            _step(plant.step, plant.model, plant.data)
-        steps += plant.substeps
+            row[13 + i] = control[i] = volts[i]
+        row[17], row[18] = sensed[3], payload
+        for _ in range(substeps):
+            _step(step, model, data)
+        steps += substeps
         total = q[0] + q[1] + q[2] + q[3] + w[0] + w[1] + w[2] + w[3]
         if not -limits[1] < total < limits[1]:
             return k + 1, LOST
@@ -105,8 +106,8 @@ def advance(plant: Free, b: Blocks, watched: NDArray[np.int64], sensed: Array, r
             w[3] = 0.0
         for i in range(4):
             read[i], read[4 + i] = q[i], w[i]
-            sensed[i] = q[i] + plant.errors[k, i]
-        if steps >= plant.due:
+            sensed[i] = q[i] + errors[k, i]
+        if steps >= due:
             return k + 1, FINISHED
     return rows.shape[0], FINISHED
 
