@@ -54,12 +54,6 @@ class RigidMotion:
         """See `Motion.reset`."""
         self._last[:] = np.nan
 
-    def carry(self, x: Array, volts: Array, gripped: bool, locked: int) -> tuple[Array, Array]:
-        """See `Motion.carry`."""
-        end, F = np.empty(6), np.empty((6, MOVING))
-        carry_rigid(x, volts, locked, gripped, self._twin, self._last, end, F)
-        return end, F
-
     def eccentricity(self, angles: Array) -> Array:
         """None."""
         return _NO_ECCENTRICITY
@@ -95,7 +89,7 @@ def _oppose(u: Array, x: Array, end: Array, F: Array, joint: int) -> None:
 def carry_rigid(
     x: Array, volts: Array, locked: int, gripped: bool, twin: TwinArrays, last: Array, end: Array, F: Array
 ) -> None:
-    """Writes to end (6,) and F (6, 27) what `RigidMotion.carry` gives, and the command to last (1, 3)."""
+    """What `motion.carry` does for such an arm; the command is written to last (1, 3)."""
     u, held, mean, later = np.empty((1, 3)), np.empty((1, 18)), np.empty(3), np.empty(3)
     states, slopes, level = np.empty((2, 6)), np.empty((2, 6, MOVING)), np.zeros(1, dtype=np.int64)
     slopes[0] = 0.0
