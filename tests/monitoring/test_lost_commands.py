@@ -16,6 +16,7 @@ from dtwin.monitoring.hypotheses import changes
 from dtwin.monitoring.kinds import FaultId, parse_fault_id, plausible_sizes
 from dtwin.monitoring.signatures import Onset, Suspicion
 from dtwin.monitoring.tracking.moments import Moment, Moments, rows_of
+from tests.support.motion import carry
 
 ALL = np.ones(3, dtype=bool)
 HANGING = np.array([-0.5 * np.pi, 0.0, 0.0])
@@ -37,7 +38,7 @@ def _moments(belief: Belief, lost: float, weaker: float = 0.0) -> list[Moment]:
     x[INDEX["K2"]] *= 1.0 - weaker
     for volts in random.normal(0.0, 1.0, (SAMPLES, 3)):
         acts = acts if random.random() < lost else volts
-        x[:ARM] = motion.carry(x, acts, False, 0)[0]
+        x[:ARM] = carry(motion, x, acts, False, 0)[0]
         measured = x[:3] + np.array(belief.noise) * random.normal(size=3)
         healthy.predict(volts, False)
         found.append(Moment(volts, False, 0.0, measured, ALL, ALL, True, healthy.correct(measured, ALL)))

@@ -11,6 +11,7 @@ from dtwin.monitoring.estimation.belief import TIMING, Unmodelled, assumed
 from dtwin.monitoring.estimation.estimator import HANDLING, Estimator
 from dtwin.monitoring.estimation.layout import ARM, ARM_NAMES, INDEX, MOVING, PAYLOAD, SIZE, TORQUE, W
 from dtwin.monitoring.estimation.motion import Array, MachineMotion, Motion, RigidMotion
+from dtwin.monitoring.estimation.stepping import freed
 from dtwin.monitoring.estimation.traces import STANDSTILL
 from dtwin.monitoring.estimation.tuning import Tuning
 from dtwin.monitoring.kinds import parse_fault_id, plausible_sizes
@@ -19,6 +20,7 @@ from dtwin.monitoring.tracking.moments import Moment, rows_of
 from dtwin.parameters import PERIOD, ArmParameters
 from dtwin.twin.effects import Effects
 from dtwin.twin.machine import machine_rollout, vector_of
+from tests.support.motion import carry
 
 ARM_HERE = ArmParameters(coulomb=(0.01, 0.01, 0.01))
 EFFECTS = Effects((1e-3,) * 3, (0.004,) * 3, (0.1,) * 3, (0.008,) * 3, delay=0.013, eccentric_sin=(0.003, 0.0, 0.0))
@@ -37,7 +39,7 @@ def carried(motion: Motion, x: Array, locked: int = 0) -> Array:
     """The state after all of VOLTS."""
     motion.reset()
     for volts in VOLTS:
-        x[:6], _ = motion.carry(x, volts, True, locked)
+        x[:6], _ = carry(motion, x, volts, True, locked)
     return x
 
 
@@ -50,25 +52,25 @@ def test_a_copy_goes_on_by_itself() -> None:
     motion, x = MachineMotion(ARM_HERE, EFFECTS), states()
     carried(motion, x)
     other = motion.copy()
-    expected = motion.copy().carry(x, VOLTS[0], True, 0)[0]
-    other.carry(x, VOLTS[3], True, 0)
-    np.testing.assert_array_equal(motion.carry(x, VOLTS[0], True, 0)[0], expected)
+    expected = carry(motion.copy(), x, VOLTS[0], True, 0)[0]
+    carry(other, x, VOLTS[3], True, 0)
+    np.testing.assert_array_equal(carry(motion, x, VOLTS[0], True, 0)[0], expected)
 
 
 @pytest.mark.parametrize("name", ["theta", "omega", "torque", "payload"])
 def test_derivatives_are_those_of_the_map(name: str) -> None:
     index = {"theta": 1, "omega": 4, "torque": TORQUE + 1, "payload": PAYLOAD}[name]
     motion, x = MachineMotion(ARM_HERE, EFFECTS), states()
-    begun, F = motion.copy().carry(x, VOLTS[0], True, 0)
+    begun, F = carry(motion.copy(), x, VOLTS[0], True, 0)
     x[index] += 1e-4
-    np.testing.assert_allclose((motion.carry(x, VOLTS[0], True, 0)[0] - begun) / 1e-4, F[:, index], rtol=2e-3)
+    np.testing.assert_allclose((carry(motion, x, VOLTS[0], True, 0)[0] - begun) / 1e-4, F[:, index], rtol=2e-3)
 
 
 @pytest.mark.parametrize("name", ["K1", "K2", "D2", "D3", "torque2", "payload"])
 def test_without_effects_derivatives_are_those_of_the_equations_of_motion(name: str) -> None:
     arm, index = ArmParameters(), INDEX[name]
-    ours = MachineMotion(arm, SLIPPERY).carry(states(arm), VOLTS[0], True, 0)[1][3:, index]
-    exact = RigidMotion(arm).carry(states(arm), VOLTS[0], True, 0)[1][3:, index]
+    ours = carry(MachineMotion(arm, SLIPPERY), states(arm), VOLTS[0], True, 0)[1][3:, index]
+    exact = carry(RigidMotion(arm), states(arm), VOLTS[0], True, 0)[1][3:, index]
     np.testing.assert_allclose(ours, exact, rtol=0, atol=0.1 * np.abs(exact).max())
 
 
@@ -76,7 +78,7 @@ def test_a_box_that_is_not_held_moves_nothing() -> None:
     x = states()
     x[PAYLOAD] = 0.0
     for motion in (MachineMotion(ARM_HERE, EFFECTS), RigidMotion(ARM_HERE)):
-        assert not motion.carry(x, VOLTS[0], False, 0)[1][:, PAYLOAD].any()
+        assert not carry(motion, x, VOLTS[0], False, 0)[1][:, PAYLOAD].any()
 
 
 @pytest.mark.parametrize("joint", [1, 2, 3])
@@ -227,7 +229,7 @@ def test_that_a_joint_rests_tells_of_a_lock_only_where_friction_would_not_hold_i
     estimator.initialise(hanging, False)
     estimator.x[W:ARM] = 0.0
     locked = Candidate(parse_fault_id("lock2"), Onset(0, 1, estimator), plausible_sizes(belief.arm))
-    assert (abs(locked.estimator.freed(2, command, False)) > STANDSTILL) == news
+    assert (abs(freed(estimator.arrays(), estimator.motion_arrays(), 1, command)) > STANDSTILL) == news
     every = np.ones(3, dtype=bool)
     locked.follow(rows_of([Moment(command, False, 0.0, hanging, every, every, True, -1000.0)]))
     assert (locked.gain > 0.0) == news

@@ -142,11 +142,6 @@ class Estimator:
             self._hold(gripped)
         stepping.predict(self._numbers, self.motion_arrays(), volts, doubt)
 
-    def freed(self, joint: int, volts: Array, gripped: bool) -> float:
-        """The speed that a locked joint (1 to 3) would have after one period if it were free, rad/s."""
-        found: float = stepping.freed(self._numbers, self._motion.arrays(gripped), joint - 1, volts)
-        return found
-
     def correct(self, measured: Array, used: NDArray[np.bool_]) -> float:
         """Takes in a sample, (3,) rad; returns the logarithm of the likelihood of the readings used."""
         likelihood: float = stepping.correct(self._numbers, self._remembered(), measured, used)

@@ -38,16 +38,6 @@ class Motion(Protocol):
     def reset(self) -> None:
         """Forgets the commands before: nothing is known of them."""
 
-    def carry(self, x: Array, volts: Array, gripped: bool, locked: int) -> tuple[Array, Array]:
-        """The state after a sample, (6,), and its derivatives, (6, 27).
-
-        Args:
-            x: (33,), states before, all of them possible.
-            volts: (3,), command that is held over the sample, V.
-            gripped: whether a box is held.
-            locked: joint that is held where it is, 1 to 3, or 0.
-        """
-
     @property
     def sine(self) -> Array:
         """What eccentric encoders add, per sine of the angle, (3,), rad."""
@@ -84,12 +74,6 @@ class MachineMotion:
     def reset(self) -> None:
         """Takes commands and voltages before to be like the next ones."""
         self._acting[:] = self._mean[:] = np.nan
-
-    def carry(self, x: Array, volts: Array, gripped: bool, locked: int) -> tuple[Array, Array]:
-        """See `Motion.carry`."""
-        end, F = np.empty(6), np.empty((6, MOVING))
-        _carry_machine(x, volts, locked, self.arrays(gripped), end, F)
-        return end, F
 
     def eccentricity(self, angles: Array) -> Array:
         """See `Motion.eccentricity`."""
@@ -128,7 +112,7 @@ def eccentricity(angles: Array, sine: Array, cosine: Array, found: Array) -> Non
 
 @kernel(uses=(arrays, derivatives, dry_friction, dynamics, lanes, machine, machine_sensitivity))
 def _carry_machine(x: Array, volts: Array, locked: int, m: MotionArrays, end: Array, F: Array) -> None:
-    """Writes what `MachineMotion.carry` gives to end (6,) and F (6, 27).
+    """What `carry` does for an arm with effects.
 
     Args:
         x: (33,), states before.
@@ -179,7 +163,15 @@ def _carry_machine(x: Array, volts: Array, locked: int, m: MotionArrays, end: Ar
 
 @kernel(uses=(arrays, derivatives, dry_friction, dynamics, lanes, machine, machine_sensitivity, rigid, sensitivity))
 def carry(x: Array, volts: Array, m: MotionArrays, locked: int, end: Array, F: Array) -> None:
-    """Writes what `Motion.carry` gives to end (6,) and F (6, 27); a joint (1 to 3) may be locked, 0 for none."""
+    """Writes the state after a sample to end (6,), and its derivatives by the moving states to F (6, 27).
+
+    Args:
+        x: (33,), states before, all of them possible.
+        volts: (3,), command that is held over the sample, V.
+        m: of the motion, which remembers the command.
+        locked: joint that is held where it is, 1 to 3, or 0.
+        end, F: receive what it comes to.
+    """
     if m.rigid:
         carry_rigid(x, volts, locked, m, end, F)
     else:

@@ -55,12 +55,6 @@ class RigidMotion:
         """See `Motion.reset`."""
         self._last[:] = np.nan
 
-    def carry(self, x: Array, volts: Array, gripped: bool, locked: int) -> tuple[Array, Array]:
-        """See `Motion.carry`."""
-        end, F = np.empty(6), np.empty((6, MOVING))
-        carry_rigid(x, volts, locked, self.arrays(gripped), end, F)
-        return end, F
-
     def eccentricity(self, angles: Array) -> Array:
         """None."""
         return _NO_ECCENTRICITY
@@ -94,7 +88,7 @@ def _oppose(u: Array, x: Array, end: Array, F: Array, joint: int) -> None:
 
 @kernel(uses=(arrays, derivatives, sensitivity))
 def carry_rigid(x: Array, volts: Array, locked: int, m: MotionArrays, end: Array, F: Array) -> None:
-    """Writes what `RigidMotion.carry` gives to end (6,) and F (6, 27), and the command to those of m."""
+    """What `motion.carry` does for such an arm; the command is written to those of m."""
     twin, last = m.twin, m.commands
     u, held, mean, later = np.empty((1, 3)), np.empty((1, 18)), np.empty(3), np.empty(3)
     states, slopes, level = np.empty((2, 6)), np.empty((2, 6, MOVING)), np.zeros(1, dtype=np.int64)
