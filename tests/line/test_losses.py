@@ -43,7 +43,7 @@ def busiest(devices: TroubledDevices) -> str:
     return next(name for name in devices.names if name.startswith("ZONE"))
 
 
-@pytest.mark.parametrize("seconds", [44.0, 52.0, 63.0])
+@pytest.mark.parametrize("seconds", [44.0, pytest.param(52.0, marks=pytest.mark.thorough), 63.0])
 def test_an_order_that_is_lost_is_told_again(seconds: float) -> None:
     run = begun(seconds)
     run.devices.messages.trouble, run.devices.messages.share = "lost", 0.5

@@ -22,7 +22,10 @@ from tests.support.waiting import until
 PLACES = ("blue", "red", "green")
 
 
-@pytest.mark.parametrize("zones", range(1, MOST + 1))
+@pytest.mark.parametrize(
+    "zones",
+    [pytest.param(zones, marks=() if zones in (1, MOST) else pytest.mark.thorough) for zones in range(1, MOST + 1)],
+)
 def test_boxes_pass_a_wide_line(zones: int, tmp_path: Path) -> None:
     file = tmp_path / "wide.toml"
     file.write_text(wide_line(zones))

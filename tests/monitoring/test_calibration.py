@@ -67,7 +67,7 @@ def test_what_is_learned_of_an_arm_is_what_is_begun_with(pushed: tuple[Stream, B
 
 @pytest.mark.usefixtures("fewer_choices")
 def test_an_arm_that_the_model_explains_needs_no_torques(belief: Belief, run_cell: Callable[..., Log]) -> None:
-    learned = calibrated(belief, stream(run_cell(120.0, 3)))
+    learned = calibrated(belief, stream(run_cell(90.0, 3)))
     assert max(learned.error.slow) < 0.005
     assert 0.0 < learned.error.pushing < 0.1  # N m, where a box on the outstretched arm could do 0.9
     assert allowances(0.01, learned.tails).max() < threshold(0.01, Tail())

@@ -41,7 +41,7 @@ def test_growing_friction_is_forecast(belief: Belief) -> None:
     assert "limit +50 %" in forecast.text()
 
 
-@pytest.mark.parametrize("before", [0.1, 3.0, 5.9])
+@pytest.mark.parametrize("before", [0.1, pytest.param(3.0, marks=pytest.mark.thorough), 5.9])
 def test_a_leak_is_forecast_long_before_its_limit_whenever_it_begins(belief: Belief, before: float) -> None:
     healthy = belief.arm.get("K2")
     leaking = 1.0 / 12.0  # five minutes at 1 % a minute: half of the way to the limit

@@ -32,7 +32,7 @@ def _told(monitor: Monitor) -> list[str]:
     return [event.text for event in monitor.events if event.kind in (EventKind.MISFIT, EventKind.FAILED, "push")]
 
 
-@pytest.mark.parametrize("name", EFFECTS)
+@pytest.mark.parametrize("name", ["jitter", pytest.param("a bench that shakes", marks=pytest.mark.thorough)])
 def test_an_effect_is_told_once_and_names_what_helps(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monitor = _watched(EFFECTS[name], 30.0, monkeypatch)
     assert _told(monitor) == [WORDS]

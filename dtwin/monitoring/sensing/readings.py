@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from dtwin.identification.estimation.quality import code_width, noise
+from dtwin.identification.estimation.quality import REPEATS, code_width, noise
 from dtwin.monitoring.estimation.belief import NOISE_FLOOR
 from dtwin.monitoring.sensing.judging import (
     DEVIATIONS,
@@ -256,7 +256,10 @@ class Readings:
 
     def _width(self, joint: int) -> float:
         """The width of the codes of an encoder that is on no grid, rad; 0 if it has none."""
-        width = code_width(np.array(self._off_grid[joint]), self._repeats[joint] / self._looked)
+        repeats = self._repeats[joint] / self._looked
+        if repeats < REPEATS:  # it has none: spares the many steps of an encoder with noise, at every sample
+            return 0.0
+        width = code_width(np.array(self._off_grid[joint]), repeats)
         return width if width is not None and width > NOISE_FLOOR else 0.0
 
 
