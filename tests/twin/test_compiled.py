@@ -10,6 +10,7 @@ from types import ModuleType
 from typing import Final
 
 import pytest
+from numba.core.registry import CPUDispatcher
 
 from dtwin.twin import compiled
 
@@ -240,3 +241,18 @@ def test_a_lock_that_is_never_released_is_not_waited_for(tmp_path: Path, monkeyp
         assert not compiled._locked(file.fileno())
         lock.release()
         assert compiled._locked(file.fileno())
+
+
+def test_every_module_that_a_kernel_names_is_one_of_those_that_count() -> None:
+    """Machine code has the constants of these modules in it, too."""
+    for name in ("dtwin.monitoring.monitor", "dtwin.run.machine_code.cell", "dtwin.simulation.figures"):
+        importlib.import_module(name)
+    of_dtwin = [module for name, module in sys.modules.items() if name.startswith("dtwin.")]
+    kernels = {v for module in of_dtwin for v in vars(module).values() if isinstance(v, CPUDispatcher)}
+    kept = [kernel for kernel in kernels if isinstance(kernel._cache, compiled._Cache)]
+    assert len(kept) > 30
+    for kernel in kept:
+        named = (vars(sys.modules[kernel.py_func.__module__]).get(name) for name in kernel.py_func.__code__.co_names)
+        assert {
+            each for each in named if isinstance(each, ModuleType) and each in of_dtwin
+        } <= kernel._cache.modules.keys(), kernel
