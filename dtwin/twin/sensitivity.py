@@ -157,8 +157,10 @@ def _inverse(c: Array, at: _Pose) -> Sextuple:
 
 
 @kernel(inlined=True)
-def _rows(x: Array, c: Array, u: Array, width: float, a: JointVector, at: _Pose) -> Any:
-    """Rows of -dr for held accelerations a, by q, omega and the coefficients."""
+def _write_slopes(
+    x: Array, c: Array, u: Array, width: float, a: JointVector, at: _Pose, inverse: Sextuple, slope: Array
+) -> None:
+    """Writes the derivatives of the accelerations a: M^-1 times rows of -dr for held a."""
     q1, q2, q3, w1, w2, w3 = x[0], x[1], x[2], x[3], x[4], x[5]
     (a1, a2, a3), (t1, t2, t3), s2, c2, s3, c3, s23, c23 = a, at[9:], at.s2, at.c2, at.s3, at.c3, at.s23, at.c23
     A, B, E, w12, w123 = c[3], c[4], c[5], w1 + w2, w1 + w2 + w3
@@ -180,7 +182,7 @@ def _rows(x: Array, c: Array, u: Array, width: float, a: JointVector, at: _Pose)
     v3 = c[14] + c[17] * (1.0 - t3 * t3) / width
     p, r, e = 2.0 * (sA + sB), 2.0 * (sB + sE), 2.0 * sE
     d12, d123 = -(a1 + a2), -(a1 + a2 + a3)
-    return (
+    rows = (
         (h1, h2, h3),
         (h2 + dA1 + dB1, h2 + dA2 + dB2, h3 + dB2),
         (h3 + dB1 + dE1, h3 + dB2 + dE1, h3 + dB2 + dE3),
@@ -206,6 +208,12 @@ def _rows(x: Array, c: Array, u: Array, width: float, a: JointVector, at: _Pose)
         (0.0, -t2, 0.0),
         (0.0, 0.0, -t3),
     )
+    n11, n21, n31, n22, n32, n33 = inverse
+    for k in range(24):
+        y1, y2, y3 = rows[k]
+        slope[0, k] = n11 * y1 + n21 * y2 + n31 * y3
+        slope[1, k] = n21 * y1 + n22 * y2 + n32 * y3
+        slope[2, k] = n31 * y1 + n32 * y2 + n33 * y3
 
 
 @kernel
@@ -213,16 +221,11 @@ def _linearise(x: Array, c: Array, u: Array, width: float, coulomb: bool, a: Arr
     """Writes the acceleration a (3,) and its derivatives slope (3, 24) by q, omega and the 18 coefficients c."""
     at = _pose(x, width, coulomb)
     r1, r2, r3 = _torques(x, c, u, at)
-    n11, n21, n31, n22, n32, n33 = _inverse(c, at)
-    a[0] = n11 * r1 + n21 * r2 + n31 * r3
-    a[1] = n21 * r1 + n22 * r2 + n32 * r3
-    a[2] = n31 * r1 + n32 * r2 + n33 * r3
-    rows = _rows(x, c, u, width, (a[0], a[1], a[2]), at)
-    for k in range(24):
-        y1, y2, y3 = rows[k]
-        slope[0, k] = n11 * y1 + n21 * y2 + n31 * y3
-        slope[1, k] = n21 * y1 + n22 * y2 + n32 * y3
-        slope[2, k] = n31 * y1 + n32 * y2 + n33 * y3
+    inverse = _inverse(c, at)
+    n11, n21, n31, n22, n32, n33 = inverse
+    a1, a2, a3 = n11 * r1 + n21 * r2 + n31 * r3, n21 * r1 + n22 * r2 + n32 * r3, n31 * r1 + n32 * r2 + n33 * r3
+    _write_slopes(x, c, u, width, (a1, a2, a3), at, inverse, slope)
+    a[0], a[1], a[2] = a1, a2, a3
 
 
 @kernel
