@@ -17,7 +17,7 @@ TUNED: Final = (
     *(1561, 1562, 1582, 1623, 1673, 1682, 1685, 1713, 1729, 1731, 1803),
     *(3001, 3002, 3003, 4002, 5004, 5006, 62101, 62102, *range(72001, 72007), *range(72101, 72121), 905511),
     *(*range(91901, 91907), *range(92101, 92125), *range(92301, 92321), *range(93001, 93011)),
-    *(9401, 9402, 880000, 880001),
+    *(9401, 9402, 880000, 880001, 880200),
 )
 """Numbers of the machines that identification, monitoring and recovery were tuned on, or mended after a look at."""
 
