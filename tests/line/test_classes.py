@@ -205,7 +205,7 @@ def test_a_line_gives_a_weak_arm_its_light_boxes_and_brings_the_heavy_ones_elsew
     monkeypatch.setattr(
         zone, "simulated", lambda line, times: 100.0 + len(set(line.assignment.values()) & {"a1", "a2"})
     )
-    monkeypatch.setattr(reorganisation, "LATER", 300.0)  # a second look is not what this asks for
+    monkeypatch.setattr(reorganisation, "LOOKS", (300.0,))  # a second look is not what this asks for
     run = LineRun(LINE, LineSettings(125.0, "act", (("a2", "K3*=0.4@56"),)))
     run.run()
     said = [(decision.who, decision.what) for decision in run.course.decisions]

@@ -276,7 +276,7 @@ def test_what_settings_are_in_force_is_what_the_twin_knows_of_the_arm(line: Line
 def test_work_moves_away_from_another_arm_that_fails_and_comes_back(
     line: Line, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(reorganisation, "LATER", 300.0)  # a second look is not what this asks for
+    monkeypatch.setattr(reorganisation, "LOOKS", (300.0,))  # a second look is not what this asks for
     run = LineRun(line, LineSettings(300.0, "act", (("a2", "lock2@120-220"),)))
     run.run()
     said = [(decision.what, decision.assignment.get("mark")) for decision in run.course.decisions]

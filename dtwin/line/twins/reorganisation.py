@@ -16,8 +16,11 @@ from dtwin.line.twins.decisions import Decision, Mode, Note
 from dtwin.line.twins.overall import Choice, OverallTwin, Zone, changed
 from dtwin.line.twins.zone import AHEAD, HOUR
 
-LATER: Final = 30.0
-"""Time from a change of the set-up to a second look at it, s."""
+LOOKS: Final = (30.0, 270.0)
+"""Times from an answer to a second look at it, and from that to a third one, s.
+
+By the third one arms have brought boxes of all classes, and their twins know how long that takes.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +59,7 @@ class Reorganisation:
         self._line, self._mode, self._zones, self._doors = line, mode, zones, doors
         self._overall = OverallTwin(line, zones)
         self._pending: tuple[Assignment, str, str] | None = None
-        self._again: tuple[float, str, str] | None = None
+        self._again: tuple[float, int, str, str] | None = None
         self._proposed: Assignment | None = None
         self._impossible = ""
         self.assignment: Assignment = dict(line.assignment)
@@ -66,27 +69,28 @@ class Reorganisation:
         """Lets the twins find out beforehand what every way to share the work out brings, which takes a while."""
         self._overall.choose(self.assignment)
 
-    def reconsider(self, because: str, station: str, towards: Assignment | None = None, ahead: float = AHEAD) -> None:
+    def reconsider(self, because: str, station: str, towards: Assignment | None = None, look: int = 0) -> None:
         """Shares the work out as is best now; what cannot be done yet is tried again with `retry`.
 
-        An arm that fails is answered at once, from a short simulation; a while later `retry` looks at that again, for
-        an hour ahead.
+        An arm that fails is answered at once, from a short simulation; later `retry` looks at that again, for an hour
+        ahead.
 
         Args:
             because: why.
             station: station that it is about.
             towards: from which as little as possible shall be changed; what is in force if not given.
-            ahead: time that is simulated, s.
+            look: number of looks that were taken at the same before.
         """
         if self._mode == "off":
             return
-        now = self.assignment if towards is None else towards
+        now, ahead = self.assignment if towards is None else towards, HOUR if look else AHEAD
         self._pending = self._again = None
         refused: list[Assignment] = []
         while choice := (back := self._back(towards, refused)) or self._overall.choose(now, refused, ahead):
-            if back is None and (ahead < HOUR or refused):
-                self._again = (self._doors.clock() + LATER, because, station)
-            if ahead == HOUR and choice.assignment == self._proposed:
+            if back is None and (look < len(LOOKS) or refused):
+                done = min(look, len(LOOKS) - 1)
+                self._again = (self._doors.clock() + LOOKS[done], done + 1, because, station)
+            if look and choice.assignment == self._proposed:
                 return
             if not changed(self.assignment, choice.assignment):
                 if not self._possible(self.assignment):  # nobody could tell anything better
@@ -118,13 +122,13 @@ class Reorganisation:
         return Choice(dict(towards), rate, f"all arms are well again; {rate:.1f} boxes/h")
 
     def retry(self) -> None:
-        """Tries again what could not be done, if anything, or takes the second look at what was done."""
+        """Tries again what could not be done, if anything, or takes another look at what was done."""
         if self._pending is not None:
             now, because, station = self._pending
             self.reconsider(because, station, now)
         elif self._again is not None and self._again[0] <= self._doors.clock():
-            _, because, station = self._again
-            self.reconsider(because, station, ahead=HOUR)
+            _, look, because, station = self._again
+            self.reconsider(because, station, look=look)
 
     def adopt(self, assignment: Assignment, version: int) -> None:
         """Takes note of a set-up that came into force without this twin."""
