@@ -68,6 +68,14 @@ def test_samples_at_once_are_samples_one_after_the_other(belief: Belief, what: s
     assert once.brakes == singly.brakes
 
 
+def test_a_box_that_is_gripped_while_it_may_have_changed_is_as_uncertain_as_one_that_has(belief: Belief) -> None:
+    sizes, history = plausible_sizes(belief.arm), _history(belief)
+    changed = Candidate(parse_fault_id("payload"), Onset(0, SAMPLES, _begun(belief)), sizes)
+    for moment in list(history.last(SAMPLES))[GRIPPED.start - 1 : GRIPPED.start + 1]:
+        changed.follow(rows_of([moment._replace(used=np.zeros(3, dtype=bool))]))
+    assert changed.estimator.deviation("payload") == pytest.approx(sizes["payload"] / SAMPLES**0.5)
+
+
 def _rivals(*gains: float, cause: str = "friction 2", kind: str = "D", waits: bool = False) -> list[Candidate]:
     found = [SimpleNamespace(gain=g, cause=(cause,), fault=FaultId(kind, 2), waits=waits) for g in gains]
     return cast(list[Candidate], found)

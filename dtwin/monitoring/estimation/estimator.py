@@ -151,6 +151,9 @@ class Estimator:
         """Carries the estimate over samples, the gripper unchanged, and adds up what they tell: see `following`."""
         gripped = bool(rows.gripped[0])
         if gripped != self.gripped:
+            if course.opening:  # what is known of a box that is gripped takes the place of what was known before
+                following.spread(self.P, self.x, opening)
+                course = course._replace(opened=1)
             self._hold(gripped)
         own = self._numbers, self.motion_arrays(), self._remembered()
         following.follow(*own, rows, opening, sizes, course, tally)

@@ -98,6 +98,7 @@ class Course(NamedTuple):
         joint: which one, or which has an encoder that has stopped, 0 to 2.
         stopped: what the encoder that has stopped reads, rad; not a number if none has.
         everywhere: whether what torques on all joints bear is told.
+        opened: number of samples, from the first one on, in which it was taken into account that changes may come.
     """
 
     opening: int
@@ -105,6 +106,7 @@ class Course(NamedTuple):
     joint: int
     stopped: float
     everywhere: bool
+    opened: int = 0
 
 
 @kernel
@@ -155,7 +157,7 @@ def misfit_after(before: float, score: Array, information: Array, used: Any) -> 
     return before + _RECENT * (total / count - before) if count else before
 
 
-@kernel
+@kernel(uses=(arrays, stepping))
 def _rests(filters: Filters, m: MotionArrays, volts: Array) -> bool:
     """Whether dry friction would hold the locked joint as well: that it rests is no news then, however much surer
     one is of a joint that is locked."""
@@ -188,7 +190,7 @@ def follow(
     f, used, joint = filters[0], np.empty(3, dtype=np.bool_), course.joint
     stopped = not math.isnan(course.stopped)
     for k in range(len(rows.volts)):
-        if k < course.opening:
+        if course.opened <= k < course.opening:
             spread(f.P, f.x, opening)
         news = not (f.locked and _rests(filters, m, rows.volts[k]))
         stepping.predict(filters, m, rows.volts[k], rows.doubt[k])

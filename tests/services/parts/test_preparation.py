@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import numba
 import numpy as np
 import pytest
 
@@ -40,6 +41,7 @@ class Frame:
 def fresh(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
     """A kernel that nobody has compiled."""
     (tmp_path / "fresh.py").write_text("def double(x):\n    return 2.0 * x\n")
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.delitem(sys.modules, "fresh", raising=False)
     import fresh  # type: ignore[import-not-found]  # written above
