@@ -38,8 +38,8 @@ NEAR: Final = 0.9
 """Share of the most boxes at a first look from which on a way gets a second one."""
 ALIKE: Final = 0.995
 """Share of the most boxes from which on ways are alike, and the one with fewest changes is taken."""
-ALIKE_LATER: Final = 0.97
-"""The same at a second look: closer than what twins predict of an hour is asked to be, ways are not told apart."""
+ALIKE_LATER: Final = 0.99
+"""The same at later looks: with work times by class twins predict an hour that closely, and no closer."""
 SETTLING: Final = 60.0
 """Time after a change of the set-up in which boxes are still where they were before it, s."""
 _AT_ONCE: Final = 1.0
