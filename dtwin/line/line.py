@@ -126,6 +126,18 @@ class Source:
         """Number of the class of a box of a mass, kg: the lightest one that holds it."""
         return max((k for k, each in enumerate(self.classes) if mass <= each.heaviest), default=0)
 
+    @property
+    def usual(self) -> tuple[float, ...]:
+        """The mean mass of the boxes of each class, kg; the largest one of a class that has none."""
+        tops = [each.heaviest for each in self.classes] or [self.heaviest]
+        found = []
+        for kind, (top, below) in enumerate(zip(tops, [*tops[1:], 0.0], strict=True)):
+            own = [mass for mass in self.masses if self.kind(mass) == kind]
+            if not self.masses:
+                own = [max(self.lightest, below), min(self.heaviest, top)]
+            found.append(min(sum(own) / len(own), top) if own else top)
+        return tuple(found)
+
 
 @dataclass(frozen=True, slots=True)
 class Buffer:

@@ -28,7 +28,7 @@ SLOWER: Final = (1.0, 1.05, 1.1, 1.2, 1.3, 1.4, 1.5, 1.75, 2.0, 2.5, 3.0)
 
 def work_times(line: Line) -> dict[str, WorkTimes]:
     """How long the arms of a line take, by the names of their stations."""
-    return {station.name: rehearsed(station) for station in line.stations}
+    return {station.name: rehearsed(station, line.source.usual) for station in line.stations}
 
 
 STANDING: Final = 90.0
@@ -62,9 +62,11 @@ def best_rate(line: Line, station: str, now: Situation, counts: tuple[float, flo
             needed = line.loads(each, station) | held
             able = next((rounds for rounds in choices if needed <= set(rounds)), None)
             if able is not None:
-                times = times_of({place: able[place, mass] for place, mass in sorted(needed or able)})
+                loads = sorted(needed or able)
+                times = times_of({place: able[place, mass] for place, mass in loads})
                 assert times is not None
-                ways.append(Change(each, {**usual, station: times}))
+                classes = {(place, line.source.kind(mass)): able[place, mass].carry for place, mass in loads}
+                ways.append(Change(each, {**usual, station: replace(times, classes=classes)}))
     best, forward = 0.0, Forward(line)
     for bound, _, way in sorted((-busiest(line, way.times, way.assignment), k, way) for k, way in enumerate(ways)):
         if _EDGES * -bound < best:
@@ -94,19 +96,14 @@ def busiest(line: Line, times: Mapping[str, WorkTimes], assignment: Assignment) 
     busy = dict.fromkeys(times, 0.0)
     for job in line.jobs:
         at = times[assignment[job.name]]
-        busy[assignment[job.name]] += shares[job.kind] * (at.grip + at.carry[job.place] + at.back[job.place])
+        cycle = at.grip + at.carried(job.place, job.kind) + at.back[job.place]
+        busy[assignment[job.name]] += shares[job.kind] * cycle
     return 3600.0 / max(busy.values())
 
 
 def usual_loads(line: Line, plan: StationPlan) -> dict[Load, float]:
     """The mean mass of the boxes of each class that a station may bring to each place of its cell, kg."""
-    masses = _masses(line)
-    found = {}
-    for job in line.jobs:
-        own = [mass for mass in masses if line.source.kind(mass) == job.kind]
-        if job.operation in plan.operations and own:
-            found[job.load] = sum(own) / len(own)
-    return found
+    return {job.load: line.source.usual[job.kind] for job in line.jobs if job.operation in plan.operations}
 
 
 def _masses(line: Line) -> Sequence[float]:

@@ -201,7 +201,7 @@ def disturbed(line: Line, events: int, seed: int, progress: Progress = lambda do
     """
     generator, outcomes = np.random.default_rng(seed), []
     with served(line) as (processes, blocks, names):
-        run = TimedLine(line, blocks, {each.name: rehearsed(each) for each in line.stations})
+        run = TimedLine(line, blocks, {each.name: rehearsed(each, line.source.usual) for each in line.stations})
         run.work(_FILLING)
         for number in range(events):
             name = str(generator.choice(names))

@@ -113,7 +113,7 @@ class Running:
 def _quick() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(zone, "simulated", flow)
-        patch.setattr(node, "rehearsed", lambda plan: WorkTimes(0.0, {}, {}))
+        patch.setattr(node, "rehearsed", lambda plan, usual: WorkTimes(0.0, {}, {}))
         # The blocks stop an arm without a monitor.
         patch.setattr(node.NodeTwin, "watch", lambda self, *seen, **more: [])
         yield

@@ -15,13 +15,13 @@ from dtwin.line.line import BoxClass, Line
 from dtwin.line.plant import LineEvent, Plant
 from dtwin.line.run import LineRun, LineSettings
 from dtwin.line.station import FREE, EmulatedStation, Station, TimedStation
-from dtwin.line.stations import replayed
+from dtwin.line.stations import emulated, replayed
 from dtwin.line.twins import reorganisation, zone
 from dtwin.line.twins.ability import Capability
 from dtwin.line.twins.decisions import Mode
 from dtwin.line.twins.guard import Guard, Hands
 from dtwin.line.twins.node import NodeTwin
-from dtwin.line.twins.rehearsal import rehearsed
+from dtwin.line.twins.rehearsal import first_round, rehearsed
 from dtwin.line.twins.zone import ZoneTwin
 from dtwin.monitoring.kinds import parse_fault_id
 from dtwin.monitoring.verdict import Finding, finding
@@ -121,15 +121,15 @@ def test_the_blocks_bring_every_box_to_the_station_of_its_class_from_a_set_up_on
 
 def test_what_a_weak_arm_can_hold_is_said_by_class() -> None:
     plan = LINE.stations[1]
-    able = NodeTwin(plan, 0.1, 0.21, (0.21, 0.1)).judged(found("K3", -0.6))
+    able = NodeTwin(plan, LINE.source).judged(found("K3", -0.6))
     assert (able.ability, able.places, dict(able.lighter)) == ("lighter boxes", (), dict.fromkeys(PLACES, 0.1))
     assert able.holds(("red", 0.1))
     assert not able.holds(("red", 0.2))
     assert able.settings is not None
-    alone = NodeTwin(plan, 0.19, 0.21).judged(found("K3", -0.6))
+    alone = NodeTwin(plan, PLAIN.source).judged(found("K3", -0.6))
     assert (alone.ability, alone.places, alone.lighter) == ("lighter boxes", (), ())
     assert not alone.holds(("red", 0.19)), "nobody tells which boxes are light"
-    some = NodeTwin(plan, 0.1, 0.21, (0.21, 0.1)).judged(found("K2", -0.3))
+    some = NodeTwin(plan, LINE.source).judged(found("K2", -0.3))
     assert (some.ability, set(some.places), some.lighter) == (
         "lighter boxes",
         {"blue"},
@@ -138,7 +138,7 @@ def test_what_a_weak_arm_can_hold_is_said_by_class() -> None:
 
 
 def test_a_zone_shares_an_operation_only_with_an_arm_that_holds_no_more() -> None:
-    nodes = {station.name: NodeTwin(station, 0.1, 0.21, (0.21, 0.1)) for station in LINE.zones[0].stations}
+    nodes = {station.name: NodeTwin(station, LINE.source) for station in LINE.zones[0].stations}
     both = ZoneTwin(LINE, 0, nodes)
     assert len(both.assignments(("deburr", "mark"))) == 4
     nodes["a2"].capability = replace(WEAK, times=rehearsed(LINE.stations[1]))
@@ -160,7 +160,7 @@ def test_the_best_knows_lighter_boxes_and_what_the_busiest_arm_can_do() -> None:
 def looked(mode: Mode, works: tuple[str, float] | None) -> tuple[list[str], list[str], Guard, dict[str, NodeTwin]]:
     """What a watch has done about an arm that holds light boxes alone, and the reasons that it gives."""
     did: list[str] = []
-    node = NodeTwin(LINE.stations[1], 0.1, 0.21, (0.21, 0.1))
+    node = NodeTwin(LINE.stations[1], LINE.source)
     hands = Hands(
         lambda station, state, why: did.append(f"stop {state}"),
         lambda station, settings, why: did.append("settings"),
@@ -229,3 +229,19 @@ def test_boxes_of_a_class_have_its_mass_and_are_known_by_it() -> None:
     run = LineRun(LINE, LineSettings(20.0, "off"))
     run.run()
     assert [box.mass for box in run.plant.boxes.values()][:2] == [0.1, 0.21]
+
+
+def test_twins_rehearse_usual_boxes_of_each_class_also_with_an_arm_that_has_changed() -> None:
+    """Blocks count on one mass, so that others reach their place later: measured with the emulated arm itself."""
+    assert LINE.source.usual == pytest.approx((0.21, 0.1))
+    assert PLAIN.source.usual == pytest.approx((0.2,))
+    node = NodeTwin(LINE.stations[1], LINE.source)
+    times = node.times
+    for kind, mass in enumerate(LINE.source.usual):
+        done = first_round(emulated(LINE.stations[1]), "red", mass)
+        assert done is not None
+        assert times.carried("red", kind) == pytest.approx(done.carry, abs=0.05)
+    assert times.carried("red", 1) > times.carried("red", 0) + 0.1
+    weak = node.judged(found("K3", -0.6)).times
+    assert weak is not None
+    assert {kind for _, kind in weak.classes} == {1}, "it holds light boxes alone"

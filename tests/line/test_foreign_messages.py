@@ -65,8 +65,8 @@ def _quick() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(zone, "simulated", lambda line, times: 60.0)
         patch.setattr(zone, "AHEAD", 1.0)
-        patch.setattr(node, "rehearsed", lambda plan: WorkTimes(0.5, TIMES, TIMES))
-        patch.setattr(node, "rehearsed_anew", lambda plan, arm, loads: None)
+        patch.setattr(node, "rehearsed", lambda plan, usual: WorkTimes(0.5, TIMES, TIMES))
+        patch.setattr(node, "rehearsed_anew", lambda plan, arm, usual, loads: None)
         yield
 
 

@@ -69,7 +69,7 @@ def _made() -> None:
 def _quick(_made: None) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(zone, "simulated", flow)
-        patch.setattr(node, "rehearsed", lambda plan: WorkTimes(0.5, TIMES, TIMES))
+        patch.setattr(node, "rehearsed", lambda plan, usual: WorkTimes(0.5, TIMES, TIMES))
         yield
 
 

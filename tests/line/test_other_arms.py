@@ -24,7 +24,7 @@ from dtwin.line.chain.cell import arm_cell, chain_settings
 from dtwin.line.chain.station import ChainStation
 from dtwin.line.file import line_of
 from dtwin.line.floor import Floor
-from dtwin.line.line import Line
+from dtwin.line.line import BoxClass, Line, Source
 from dtwin.line.live.chain import ChainArmFollower
 from dtwin.line.live.heard import check_zone_state
 from dtwin.line.live.plant import LivePlant
@@ -149,7 +149,7 @@ def test_how_long_work_takes_is_rehearsed_with_the_arm_that_the_controller_belie
     twin = twin_of(line)
     assert set(twin.times.carry) == {"blue", "red", "green"}
     assert all(0.3 < value < 10.0 for value in (twin.times.grip, *twin.times.carry.values()))
-    assert rehearsed(replace(twin.plan, name="other", machine="7", seed=9)) == twin.times
+    assert rehearsed(replace(twin.plan, name="other", machine="7", seed=9), line.source.usual) == twin.times
 
 
 def test_what_a_weaker_drive_can_still_hold_follows_from_the_weights_at_its_places(tmp_path: Path) -> None:
@@ -176,9 +176,12 @@ def test_a_weak_drive_leaves_an_arm_slower_or_with_lighter_boxes(tmp_path: Path)
     plan = twin_of(line_of(mixed(tmp_path, CELL.replace("planar-2r", "weak.toml"), sort))).plan
     cell = arm_cell(plan)
     assert cell is not None
-    twin = ChainNodeTwin(plan, cell, 0.1, 0.21, (0.21, 0.1))
-    slower, lighter = (twin.judged(ChainFinding(1.0, "K2", size)) for size in (0.3, 0.5))
+    classes = (BoxClass("heavy", 0.21), BoxClass("light", 0.1))
+    twin = ChainNodeTwin(plan, cell, Source("source", 12.0, 0.1, 0.21, (0.1, 0.21), classes))
+    found = (("K1", 0.05), ("K2", 0.3), ("K2", 0.5))
+    slower, able, lighter = (twin.judged(ChainFinding(1.0, *each)) for each in found)
     assert (slower.ability, slower.lighter) == ("slower", ())
+    assert (able.ability, able.lighter) == ("all", ()), "a healthy one takes as long for heavy boxes"
     assert (lighter.ability, lighter.places) == ("lighter boxes", ("blue",))
     assert dict(lighter.lighter) == {"red": 0.1, "green": 0.1}
     assert lighter.settings is not None

@@ -39,7 +39,7 @@ def found(fault: str, size: float) -> Finding:
 
 
 def twin() -> NodeTwin:
-    return NodeTwin(PLAN, 0.19, 0.21)
+    return NodeTwin(PLAN, LINE.source)
 
 
 def test_an_arm_with_more_friction_works_on_at_a_longer_target_time() -> None:
@@ -66,11 +66,11 @@ def test_a_size_counts_relative_to_a_motors_constant_and_as_it_is_for_friction()
 
 
 def test_no_settings_are_tried_beyond_their_bounds() -> None:
-    assert rehearsed_anew(PLAN, HEALTHY.with_values({"D1": 50.0}), (("red", 0.21),)) is None
+    assert rehearsed_anew(PLAN, HEALTHY.with_values({"D1": 50.0}), (0.2,), (("red", 0.21),)) is None
 
 
 def test_the_twin_of_a_zone_reckons_with_an_arm_that_is_slower() -> None:
-    nodes = {station.name: NodeTwin(station, 0.19, 0.21) for station in LINE.zones[0].stations}
+    nodes = {station.name: NodeTwin(station, LINE.source) for station in LINE.zones[0].stations}
     both = ZoneTwin(LINE, 0, nodes)
     shared, moved = {"deburr": "a1", "mark": "a2"}, {"deburr": "a1", "mark": "a1"}
     assert both.rate(shared) > 1.05 * both.rate(moved)

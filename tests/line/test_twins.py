@@ -39,14 +39,14 @@ def found(fault: str, size: float = 0.0) -> Finding:
     ],
 )
 def test_what_an_arm_can_still_do(fault: str, size: float, ability: str) -> None:
-    twin = NodeTwin(PLAN, 0.19, 0.21)
+    twin = NodeTwin(PLAN, LINE.source)
     capability = twin.judged(found(fault, size))
     assert capability.ability == ability
     assert bool(capability.places) == (ability == "all")
 
 
 def test_with_less_torque_an_arm_loses_places_before_it_loses_all() -> None:
-    twin = NodeTwin(PLAN, 0.19, 0.21)
+    twin = NodeTwin(PLAN, LINE.source)
     places = [set(twin.judged(found("K1", -0.01 * share)).places) for share in (0, 20, 40, 55, 70, 99)]
     assert all(later <= earlier for earlier, later in itertools.pairwise(places))
     assert places[0] == {"blue", "red", "green"}
@@ -54,7 +54,7 @@ def test_with_less_torque_an_arm_loses_places_before_it_loses_all() -> None:
 
 
 def test_a_twin_knows_nothing_of_the_machine_that_its_arm_is() -> None:
-    one, other = NodeTwin(PLAN, 0.19, 0.21), NodeTwin(replace(PLAN, machine="905511"), 0.19, 0.21)
+    one, other = NodeTwin(PLAN, LINE.source), NodeTwin(replace(PLAN, machine="905511"), LINE.source)
     assert other.times == one.times
     for share in (5, 30, 90):
         fault = found("K1", -0.01 * share)
@@ -65,7 +65,7 @@ class Told(ZoneTwin):
     """A zone whose rate for a number of operations is told, and whose first station may have failed."""
 
     def __init__(self, line: Line, number: int, rates: dict[int, float], fails: str = "") -> None:
-        super().__init__(line, number, {s.name: NodeTwin(s, 0.19, 0.21) for s in line.stations})
+        super().__init__(line, number, {s.name: NodeTwin(s, LINE.source) for s in line.stations})
         self._rates = rates
         if fails:
             self._nodes[fails].stopped("it fails")

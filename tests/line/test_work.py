@@ -1,5 +1,7 @@
 """How long an arm takes, measured in what its ticks tell."""
 
+from dataclasses import replace
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -90,6 +92,15 @@ def test_lighter_boxes_may_take_longer_without_the_arm_being_slower() -> None:
         work.follow(all_ticks[:250], 1)
         work.follow(all_ticks[250:], 0)
     assert work.slowness == pytest.approx(1.25)
+
+
+def test_classes_that_nobody_has_seen_yet_take_as_much_longer_as_the_others() -> None:
+    work = MeasuredWork(PLACES, PERIOD)
+    rehearsed = replace(REHEARSED, classes={("blue", 0): 1.6, ("blue", 1): 1.8, ("red", 0): 2.0, ("red", 1): 2.2})
+    assert work.times(rehearsed).classes == rehearsed.classes
+    work.follow(ticks([(1, 0, 100, 200, 150)] * 3))
+    told = work.times(rehearsed).classes
+    assert told == pytest.approx({("blue", 0): 2.0, ("blue", 1): 2.25, ("red", 0): 2.5, ("red", 1): 2.75})
 
 
 @pytest.mark.parametrize(("mass", "carry"), [(0.2, 2.0), (0.1, 2.4)])

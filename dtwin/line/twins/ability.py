@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 from dtwin.bus.line.plant import Settings
-from dtwin.line.line import Load
+from dtwin.line.line import Load, Source
 from dtwin.line.station import WorkTimes
 from dtwin.line.twins.rehearsal import Rehearsed, longest
 
@@ -104,15 +104,18 @@ class Boxes:
     Attributes:
         places: names of the places of its cell, beside "pickup".
         masses: largest masses of their classes, the heaviest first, and the mass of the lightest one, kg.
+        usual: mean masses of the boxes of these classes, kg.
     """
 
     places: tuple[str, ...]
     masses: tuple[float, ...]
+    usual: tuple[float, ...]
 
     @classmethod
-    def of(cls, places: Iterable[str], lightest: float, heaviest: float, classes: Sequence[float]) -> Boxes:
-        """The boxes of a line with such masses (kg), of which classes of largest masses can be told apart."""
-        return cls(tuple(places), (heaviest, *classes[1:], lightest))
+    def of(cls, places: Iterable[str], source: Source) -> Boxes:
+        """The boxes of a line, which come in at its source, for the places of an arm."""
+        lighter = (each.heaviest for each in source.classes[1:])
+        return cls(tuple(places), (source.heaviest, *lighter, source.lightest), source.usual)
 
     def kind(self, mass: float | None) -> int:
         """Number of the class of a mass, kg, from 0, the heaviest; 0 for an unknown one."""

@@ -14,7 +14,7 @@ from dtwin.bus.line.plant import JointSettings, Settings
 from dtwin.equations.rigid import inverse_dynamics
 from dtwin.line.chain.cell import believed_chain_settings
 from dtwin.line.chain.rows import ArmRows
-from dtwin.line.line import StationPlan
+from dtwin.line.line import Source, StationPlan
 from dtwin.line.station import FREE, WorkTimes
 from dtwin.line.twins.ability import Boxes, Capability, Trials
 from dtwin.line.twins.joints import joints_rehearsed
@@ -55,19 +55,16 @@ class ChainNodeTwin:
     Args:
         plan: what it is.
         cell: its cell.
-        lightest, heaviest: masses of the boxes of the line, kg.
-        classes: largest masses of the classes of boxes that can be told apart, the heaviest first, kg.
+        source: where the boxes of the line come in.
     """
 
-    def __init__(
-        self, plan: StationPlan, cell: ArmCell, lightest: float, heaviest: float, classes: tuple[float, ...] = ()
-    ) -> None:
+    def __init__(self, plan: StationPlan, cell: ArmCell, source: Source) -> None:
         self.plan = plan
         self._settings: ChainSettings = believed_chain_settings(plan, cell)
         task = self._settings.sorting
         assert task is not None
-        self._boxes = Boxes.of(task.places, lightest, heaviest, classes)
-        self._usual = self._shares(heaviest, np.zeros(len(self._settings.arm)))
+        self._boxes = Boxes.of(task.places, source)
+        self._usual = self._shares(source.heaviest, np.zeros(len(self._settings.arm)))
         self.capability = self._boxes.all_brought()
         self._monitor: ArmMonitor | None = None
         self._work = MeasuredWork(self._boxes.places, self._settings.arm.period)
@@ -81,7 +78,11 @@ class ChainNodeTwin:
     @property
     def times(self) -> WorkTimes:
         """How long its work takes: as its last boxes took, before that as a rehearsal with what is known of it."""
-        return self._work.times(self.capability.times or rehearsed(self.plan))
+        return self._work.times(self.capability.times or self._rehearsed_usual())
+
+    def _rehearsed_usual(self) -> WorkTimes:
+        """How long its work takes while nothing is wrong with it, as a rehearsal says."""
+        return rehearsed(self.plan, self._boxes.usual)
 
     @property
     def slowness(self) -> float | None:
@@ -191,7 +192,7 @@ class ChainNodeTwin:
     def _rehearsed(self, adjustment: Adjustment, why: str) -> Capability:
         """What an arm can do of which something is known: what its drives hold at rest, and bring in a rehearsal."""
         lost = 1.0 - np.array(adjustment.strength)
-        trials = Trials(partial(joints_rehearsed, self.plan, adjustment), rehearsed(self.plan))
+        trials = Trials(partial(joints_rehearsed, self.plan, adjustment, self._boxes.usual), self._rehearsed_usual())
         return self._boxes.brought(lambda mass: self._beyond(mass + max(adjustment.load, 0.0), lost), trials, why)
 
     def _beyond(self, mass: float, lost: Array) -> list[str]:

@@ -8,19 +8,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Final
 
 import numpy as np
 
 from dtwin.arm.adjustment import Adjustment
+from dtwin.arm.model import ArmTuning
 from dtwin.bus.line.plant import JointSettings
 from dtwin.emulation.chain.faults import ChainFault
 from dtwin.line.chain.cell import believed_arm, check_joint_settings
 from dtwin.line.chain.station import ChainStation
 from dtwin.line.line import Load, StationPlan
-from dtwin.line.station import settings_text
-from dtwin.line.twins.rehearsal import AWAY, Rehearsed, Round, first_round, known_of, times_of
+from dtwin.line.station import WorkTimes, settings_text
+from dtwin.line.twins.rehearsal import AWAY, Rehearsed, Round, first_round, known_of, times_of, with_classes
 from dtwin.recovery.tuning import BOUND, SATURATED, SLOWER
 from dtwin.run.chain import ChainSettings
 from dtwin.simulation.chain.checks import SLOWEST
@@ -29,7 +30,9 @@ _SINCE: Final = 5.0
 """Time after which the path counts, s: by then the arm stands where boxes wait."""
 
 
-def joints_rehearsed(plan: StationPlan, adjustment: Adjustment, loads: tuple[Load, ...]) -> Rehearsed | None:
+def joints_rehearsed(
+    plan: StationPlan, adjustment: Adjustment, usual: tuple[float, ...], loads: tuple[Load, ...]
+) -> Rehearsed | None:
     """The fastest settings at which an arm works of which something is known beside its data sheet.
 
     It works where it brings its heaviest box to its place, no farther from its path than AWAY or a healthy arm, with
@@ -39,6 +42,7 @@ def joints_rehearsed(plan: StationPlan, adjustment: Adjustment, loads: tuple[Loa
     Args:
         plan: the station.
         adjustment: what was found of it, on which its blocks count.
+        usual: mean masses of the boxes of each class, kg.
         loads: the places that matter, and the mass of the heaviest box there, kg.
 
     Returns:
@@ -47,41 +51,46 @@ def joints_rehearsed(plan: StationPlan, adjustment: Adjustment, loads: tuple[Loa
     Raises:
         ParameterError: its blocks must not count on that.
     """
-    return _rehearsed(known_of(plan), adjustment, loads)
+    return _rehearsed(known_of(plan), adjustment, usual, loads)
 
 
 @lru_cache(maxsize=256)
-def _rehearsed(plan: StationPlan, adjustment: Adjustment, loads: tuple[Load, ...]) -> Rehearsed | None:
-    believed, best = believed_arm(plan), None
+def _rehearsed(
+    plan: StationPlan, adjustment: Adjustment, usual: tuple[float, ...], loads: tuple[Load, ...]
+) -> Rehearsed | None:
+    believed = believed_arm(plan)
+    best: tuple[JointSettings, WorkTimes] | None = None
     assert believed is not None
     tuning = believed.control.tuning
-    healthy = Adjustment.none(len(believed.arm))
     for slower in SLOWER:
         settings = JointSettings(replace(tuning, speed=tuning.speed / slower), adjustment)
         if settings.tuning.speed < SLOWEST:
             break
         check_joint_settings(believed, settings)
-        usual = JointSettings(settings.tuning, healthy)
-        rounds = {load[0]: _followed(believed, settings, load, _away(plan, usual, load)) for load in loads}
-        times = times_of(rounds)
-        if times is not None and (best is None or len(times.carry) > len(best.times.carry)):
-            best = Rehearsed(settings, times)
+        times = times_of({load[0]: _followed(plan, believed, settings, load) for load in loads})
+        if times is not None and (best is None or len(times.carry) > len(best[1].carry)):
+            best = settings, times
         if times is not None and len(times.carry) == len(loads):
             break
-    return best
+    if best is None:
+        return None
+    settings, times = best
+    bring = partial(_followed, plan, believed, settings)
+    return Rehearsed(settings, with_classes(times, usual, loads, bring))
 
 
 @lru_cache(maxsize=256)
-def _away(plan: StationPlan, settings: JointSettings, load: Load) -> float:
+def _away(plan: StationPlan, tuning: ArmTuning, load: Load) -> float:
     """How far a healthy arm is from its path in a round, rad or m."""
     believed = believed_arm(plan)
     assert believed is not None
-    return _tried(believed, settings, load)[1]
+    return _tried(believed, JointSettings(tuning, Adjustment.none(len(believed.arm))), load)[1]
 
 
-def _followed(believed: ChainSettings, settings: JointSettings, load: Load, usual: float) -> Round | None:
+def _followed(plan: StationPlan, believed: ChainSettings, settings: JointSettings, load: Load) -> Round | None:
     """A round of a changed arm within its limits; None if it leaves them."""
     found, away, full = _tried(believed, settings, load)
+    usual = _away(plan, settings.tuning, load)
     return found if away <= max(AWAY, BOUND * usual) and full <= SATURATED else None
 
 

@@ -11,7 +11,7 @@ from typing import Any, Final, Literal, Protocol
 import numpy as np
 
 from dtwin.bus.line.plant import ArmSettings, Settings
-from dtwin.line.line import StationPlan
+from dtwin.line.line import Source, StationPlan
 from dtwin.line.station import FREE, WorkTimes, believed_settings
 from dtwin.line.twins.ability import Boxes, Capability, Trials
 from dtwin.line.twins.rehearsal import AWAY, rehearsed, rehearsed_anew
@@ -140,15 +140,14 @@ class NodeTwin:
 
     Args:
         plan: what it is.
-        lightest, heaviest: masses of the boxes of the line, kg.
-        classes: largest masses of the classes of boxes that can be told apart, the heaviest first, kg.
+        source: where the boxes of the line come in.
     """
 
-    def __init__(self, plan: StationPlan, lightest: float, heaviest: float, classes: tuple[float, ...] = ()) -> None:
+    def __init__(self, plan: StationPlan, source: Source) -> None:
         self.plan = plan
         self._cell = believed_settings(plan)
         self._belief = self._believed(self._cell.arm)
-        self._boxes = Boxes.of(self._cell.task.colours, lightest, heaviest, classes)
+        self._boxes = Boxes.of(self._cell.task.colours, source)
         self.capability = self._boxes.all_brought()
         self._scrutiny = Scrutiny()
         self._work = self._unmeasured()
@@ -166,12 +165,16 @@ class NodeTwin:
     @property
     def times(self) -> WorkTimes:
         """How long its work takes: as its last boxes took, before that as a rehearsal with what is known of it."""
-        return self._work.times(self.capability.times or rehearsed(self.plan))
+        return self._work.times(self.capability.times or self._usual())
 
     @property
     def slowness(self) -> float | None:
         """How many times as long as at first it takes to bring a box, see `MeasuredWork.slowness`."""
         return self._work.slowness
+
+    def _usual(self) -> WorkTimes:
+        """How long its work takes while nothing is wrong with it, as a rehearsal says."""
+        return rehearsed(self.plan, self._boxes.usual)
 
     def _unmeasured(self) -> MeasuredWork:
         return MeasuredWork(self._boxes.places, PERIOD)
@@ -297,6 +300,6 @@ class NodeTwin:
 
     def _rehearsed(self, arm: ArmParameters, why: str) -> Capability:
         """What an arm can do, as the weights at its places and a rehearsal with other settings say."""
-        trials = Trials(partial(rehearsed_anew, self.plan, arm), rehearsed(self.plan))
+        trials = Trials(partial(rehearsed_anew, self.plan, arm, self._boxes.usual), self._usual())
         strength = Strength.of(self._cell.arm, self._boxes.masses[0], self._cell.task)
         return self._boxes.brought(partial(strength.beyond, arm), trials, why)

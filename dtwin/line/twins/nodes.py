@@ -13,8 +13,5 @@ AnyNode = NodeTwin | ChainNodeTwin
 
 def node_of(line: Line, plan: StationPlan) -> AnyNode:
     """The twin of a station of a line. Raises DtwinError when its cell cannot be used."""
-    cell, classes = arm_cell(plan), tuple(each.heaviest for each in line.classes)
-    lightest, heaviest = line.source.lightest, line.source.heaviest
-    if cell is None:
-        return NodeTwin(plan, lightest, heaviest, classes)
-    return ChainNodeTwin(plan, cell, lightest, heaviest, classes)
+    cell = arm_cell(plan)
+    return NodeTwin(plan, line.source) if cell is None else ChainNodeTwin(plan, cell, line.source)

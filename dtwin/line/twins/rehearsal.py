@@ -5,9 +5,9 @@ Only what a twin knows is rehearsed: the arm that the controller believes in, or
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -63,18 +63,24 @@ def longest(times: WorkTimes, places: Sequence[str]) -> float:
     return max(times.grip + times.carry[place] + times.back[place] for place in places)
 
 
-def rehearsed(plan: StationPlan) -> WorkTimes:
+def rehearsed(plan: StationPlan, usual: tuple[float, ...] = ()) -> WorkTimes:
     """How long the arm of a station takes.
 
     It is measured in a run of its cell with the arm that the controller believes in.
 
+    Args:
+        plan: the station.
+        usual: mean masses of the boxes of each class, kg; empty for the usual box of its cell.
+
     Raises:
         DtwinError: the cell cannot be, or its arm brings no box to a place.
     """
-    return _rehearsed(known_of(plan))
+    return _rehearsed(known_of(plan), usual)
 
 
-def rehearsed_anew(plan: StationPlan, arm: ArmParameters, loads: tuple[Load, ...]) -> Rehearsed | None:
+def rehearsed_anew(
+    plan: StationPlan, arm: ArmParameters, usual: tuple[float, ...], loads: tuple[Load, ...]
+) -> Rehearsed | None:
     """The shortest target time at which a changed arm works, with a model of it in its controller.
 
     It works where it brings its heaviest box to its place without leaving its path, with voltages that are seldom at
@@ -83,6 +89,7 @@ def rehearsed_anew(plan: StationPlan, arm: ArmParameters, loads: tuple[Load, ...
     Args:
         plan: the station.
         arm: its arm as it was found to be.
+        usual: mean masses of the boxes of each class, kg.
         loads: the places that matter, and the mass of the heaviest box there, kg.
 
     Returns:
@@ -92,7 +99,7 @@ def rehearsed_anew(plan: StationPlan, arm: ArmParameters, loads: tuple[Load, ...
         check_model(arm)
     except ParameterError:
         return None
-    return _rehearsed_anew(known_of(plan), arm, loads)
+    return _rehearsed_anew(known_of(plan), arm, usual, loads)
 
 
 def known_of(plan: StationPlan) -> StationPlan:
@@ -101,30 +108,66 @@ def known_of(plan: StationPlan) -> StationPlan:
 
 
 @lru_cache(maxsize=256)
-def _rehearsed(plan: StationPlan) -> WorkTimes:
-    station, places, mass = rehearsal(plan)
+def _rehearsed(plan: StationPlan, usual: tuple[float, ...]) -> WorkTimes:
+    station, places, middle = rehearsal(plan)
     station.advance(_START)
-    grip, carry, back = 0.0, {}, {}
+    rounds = {}
     for place in places:
-        times = _round(station, place, mass)
-        if times is None:
-            raise ParameterError(f"station {plan.cell_file or 'default'}: its arm brings no box to {place}")
-        grip, carry[place], back[place] = times
-        station.advance(_START)
-    return WorkTimes(grip, carry, back)
+        for kind, mass in enumerate(usual or (middle,)):
+            done = _round(station, place, mass)
+            if done is None:
+                raise ParameterError(
+                    f"station {plan.cell_file or 'default'}: its arm brings no box of {mass:g} kg to {place}"
+                )
+            rounds[place, kind] = done
+            station.advance(_START)
+    times = times_of({place: rounds[place, 0] for place in places})
+    assert times is not None
+    return replace(times, classes=_classes(rounds))
+
+
+def _classes(rounds: Mapping[tuple[str, int], Round]) -> dict[tuple[str, int], float]:
+    """How long a box is carried, by the place and the number of its class, s."""
+    return {each: done.carry for each, done in rounds.items()}
+
+
+def with_classes(
+    times: WorkTimes, usual: Sequence[float], loads: Sequence[Load], bring: Callable[[Load], Round | None]
+) -> WorkTimes:
+    """The same times with those of usual boxes of each class, up to the load of a place.
+
+    Args:
+        times: how long work takes with the loads.
+        usual: mean masses of the boxes of each class, kg.
+        loads: the largest mass for each place, kg.
+        bring: gives a round with a mass to a place; None where it does not succeed.
+    """
+    tried = {
+        (place, kind): bring((place, mass))
+        for place, most in loads
+        for kind, mass in enumerate(usual)
+        if place in times.carry and mass <= most
+    }
+    return replace(times, classes=_classes({each: done for each, done in tried.items() if done is not None}))
 
 
 @lru_cache(maxsize=256)
-def _rehearsed_anew(plan: StationPlan, arm: ArmParameters, loads: tuple[Load, ...]) -> Rehearsed | None:
-    usual, best = believed_settings(plan), None
+def _rehearsed_anew(
+    plan: StationPlan, arm: ArmParameters, usual: tuple[float, ...], loads: tuple[Load, ...]
+) -> Rehearsed | None:
+    target_time = believed_settings(plan).control.target_time
+    best: tuple[ArmSettings, WorkTimes] | None = None
     for slower in SLOWER:
-        settings = ArmSettings(slower * usual.control.target_time, arm)
-        times = times_of({place: _followed(plan, settings, place, mass) for place, mass in loads})
-        if times is not None and (best is None or len(times.carry) > len(best.times.carry)):
-            best = Rehearsed(settings, times)
+        settings = ArmSettings(slower * target_time, arm)
+        times = times_of({load[0]: _followed(plan, settings, load) for load in loads})
+        if times is not None and (best is None or len(times.carry) > len(best[1].carry)):
+            best = settings, times
         if times is not None and len(times.carry) == len(loads):
             break
-    return best
+    if best is None:
+        return None
+    settings, times = best
+    return Rehearsed(settings, with_classes(times, usual, loads, partial(_followed, plan, settings)))
 
 
 def times_of(rounds: Mapping[str, Round | None]) -> WorkTimes | None:
@@ -139,12 +182,12 @@ def times_of(rounds: Mapping[str, Round | None]) -> WorkTimes | None:
     )
 
 
-def _followed(plan: StationPlan, settings: ArmSettings, place: str, mass: float) -> Round | None:
+def _followed(plan: StationPlan, settings: ArmSettings, load: Load) -> Round | None:
     """A round of a changed arm within its limits; None if it leaves them."""
     usual = believed_settings(plan)
     control = replace(usual.control, target_time=settings.target_time, model=settings.model)
     station = EmulatedStation(plan, replace(usual, arm=settings.model, control=control))
-    found = first_round(station, place, mass)
+    found = first_round(station, *load)
     seen = station.log.since(_START)
     away = np.abs(seen.stack("target") - seen.stack("measured")).max()
     full = (np.abs(seen.stack("volts")[:, :3]) >= _FULL).any(axis=1).mean()

@@ -9,10 +9,12 @@ from __future__ import annotations
 from collections import defaultdict, deque
 from collections.abc import Iterable, Mapping, Sequence
 from statistics import mean, median
-from typing import Final
+from typing import Final, TypeVar
 
 from dtwin.line.station import WorkTimes
 
+Key = TypeVar("Key", str, tuple[str, int])
+"""A place, or a place and the number of a class of boxes."""
 _ENOUGH: Final = 2
 """Number of boxes after which what was measured counts more than a rehearsal."""
 _LAST: Final = 20
@@ -114,17 +116,19 @@ class MeasuredWork:
             for kind in {each for each, _ in self._carries[place]}
             if len(told := self._carried_to(place, kind)) >= _ENOUGH
         }
-        return WorkTimes(grip, _everywhere(carries, rehearsed.carry), _everywhere(backs, rehearsed.back), classes)
+        carry, back = _everywhere(carries, rehearsed.carry), _everywhere(backs, rehearsed.back)
+        return WorkTimes(grip, carry, back, _everywhere(classes, rehearsed.classes) | classes)
 
     def _since(self, tick: int) -> float:
         return (self._ticks - tick) * self._period
 
 
-def _everywhere(known: Mapping[str, float], rehearsed: Mapping[str, float]) -> dict[str, float]:
-    """Measured times by the place; where there is none, the rehearsed one as many times as long as elsewhere."""
-    known = {place: time for place, time in known.items() if place in rehearsed}
-    longer = median([known[place] / rehearsed[place] for place in known]) if known else 1.0
-    return {place: known.get(place, longer * time) for place, time in rehearsed.items()}
+def _everywhere(known: Mapping[Key, float], rehearsed: Mapping[Key, float]) -> dict[Key, float]:
+    """Measured times by the place, or by the place and the class of boxes; where there is none, the rehearsed one as
+    many times as long as elsewhere."""
+    known = {each: time for each, time in known.items() if each in rehearsed}
+    longer = median([known[each] / rehearsed[each] for each in known]) if known else 1.0
+    return {each: known.get(each, longer * time) for each, time in rehearsed.items()}
 
 
 def _usual(last: Sequence[float]) -> float:
