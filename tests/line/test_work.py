@@ -18,38 +18,63 @@ Box = tuple[int, int, int, int, int]
 
 
 def ticks(boxes: list[Box]) -> list[tuple[int, bool]]:
-    """The ticks of boxes: number of the place, and how many ticks the arm waits, grips, carries and goes back."""
-    found = []
+    """The ticks of boxes: number of the place, and how many ticks nobody offers it after the box before, the arm
+    grips, carries and goes back, which it does while nobody offers the next one, and after that."""
+    found, returning = [], 0
     for place, waits, grip, carry, back in boxes:
-        found += [(0, False)] * waits + [(place, False)] * grip + [(0, True)] * carry + [(0, False)] * back
-    return found
+        found += [(0, False)] * waits + [(place, False)] * (max(returning - waits, 0) + grip) + [(0, True)] * carry
+        returning = back
+    return found + [(0, False)] * returning
 
 
 LENGTH = st.integers(1, 90)
 
 
-@given(st.integers(1, 2), st.integers(2, 40), LENGTH, LENGTH, LENGTH, st.data())
+@given(st.integers(1, 2), st.integers(3, 40), LENGTH, LENGTH, st.integers(20, 90), st.data())
 def test_what_was_done_often_enough_is_told_as_it_was(
     place: int, count: int, grip: int, carry: int, back: int, data: st.DataObject
 ) -> None:
+    """Of an arm that boxes always wait for, way back and grip are known together alone."""
     work = MeasuredWork(PLACES, PERIOD)
-    all_ticks = ticks([(place, 0, grip, carry, back)] * count + [(place, 0, 1, 1, 1)])
+    waits = data.draw(st.integers(0, max(0, back + grip - round(REHEARSED.grip / PERIOD) - 6)))
+    all_ticks = ticks([(place, waits, grip, carry, back)] * count + [(place, 0, 1, 1, 1)])
     cut = data.draw(st.integers(0, len(all_ticks)))
     work.follow(all_ticks[:cut])
     work.follow(all_ticks[cut:])
     name, other = PLACES[place - 1], PLACES[2 - place]
     found = work.times(REHEARSED)
-    assert found.carry[name] == pytest.approx(PERIOD * carry, abs=1e-9 if count > 2 else PERIOD * carry)
-    assert found.back[name] == pytest.approx(PERIOD * back)
-    assert found.grip == pytest.approx(PERIOD * grip, abs=1e-9 if count > 2 else PERIOD * grip)
-    for part, usual in ((found.carry, REHEARSED.carry), (found.back, REHEARSED.back)):
-        assert part[other] / usual[other] == pytest.approx(part[name] / usual[name]), "slow arms are slow everywhere"
+    assert found.carry[name] == pytest.approx(PERIOD * carry, abs=1e-9 if count > 3 else PERIOD * carry)
+    assert found.carry[other] / REHEARSED.carry[other] == pytest.approx(found.carry[name] / REHEARSED.carry[name])
+    if max(back - waits, 0) + grip > round(REHEARSED.grip / PERIOD) + 5:
+        assert found.grip == REHEARSED.grip
+        assert found.grip + found.back[name] == pytest.approx(PERIOD * (max(back, waits) + grip))
+        assert found.back[other] / REHEARSED.back[other] == pytest.approx(found.back[name] / REHEARSED.back[name])
+
+
+@given(st.lists(st.integers(0, 900), min_size=12, max_size=40), LENGTH, st.integers(100, 150))
+def test_a_simulated_arm_takes_as_long_as_the_measured_one(waits: list[int], grip: int, back: int) -> None:
+    """Whatever boxes come when: it grips each when the arm did whose times it has."""
+    boxes = [(1, wait, grip, 200, back) for wait in (900, 900, 900, *waits, 0, 0, 0)]
+    work = MeasuredWork(PLACES, PERIOD)
+    work.follow(ticks(boxes))
+    found = work.times(REHEARSED)
+    for wait in waits:
+        real, told = max(wait, back) + grip, max(PERIOD * wait, found.back["blue"]) + found.grip
+        assert told == pytest.approx(PERIOD * real, abs=0.05 + 1e-9)
 
 
 def test_an_arm_that_waited_for_a_box_tells_nothing_of_its_way_back() -> None:
     work = MeasuredWork(PLACES, PERIOD)
     work.follow(ticks([(1, 900, 100, 200, 150)] * 5))
     assert work.times(REHEARSED).back == REHEARSED.back
+
+
+def test_boxes_that_come_while_the_arm_is_on_its_way_back_tell_no_longer_grip() -> None:
+    """Else an arm that boxes wait for now and then would be taken to grip as late when it has waited."""
+    work = MeasuredWork(PLACES, PERIOD)
+    work.follow(ticks([(1, 900, 50, 200, 430), (1, 230, 50, 200, 430)] * 5))
+    found = work.times(WorkTimes(0.5, {"blue": 2.0}, {"blue": 4.3}))
+    assert (found.grip, found.back["blue"]) == pytest.approx((0.5, 4.3))
 
 
 def test_a_box_that_is_taken_away_and_one_held_at_a_stop_tell_nothing() -> None:
@@ -70,7 +95,7 @@ def test_an_arm_that_becomes_slower_is_reckoned_with_as_it_is_now() -> None:
     work.follow(ticks([slow] * 6))
     assert work.slowness == pytest.approx(1.3)
     found = work.times(REHEARSED)
-    assert (found.grip, found.carry["blue"], found.back["blue"]) == pytest.approx((1.2, 2.6, 1.8))
+    assert (found.grip + found.back["blue"], found.carry["blue"]) == pytest.approx((1.2 + 1.8, 2.6))
     work.follow(ticks([usual] * 6))
     assert work.slowness == pytest.approx(1.0)
 

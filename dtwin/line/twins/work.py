@@ -1,15 +1,16 @@
 """How long the arm of a station takes, as its own work shows: no rehearsal knows the friction that makes it wait.
 
-What is used is what a tick tells: whether a box waits for an arm that is ready, for which place, and whether the
-gripper is closed.
+What is used is what a tick tells: whether a box waits for the arm, for which place, and whether the gripper is
+closed. A box may wait while the arm is still on its way back: then both together are known, and neither alone.
 """
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict, deque
 from collections.abc import Iterable, Mapping, Sequence
 from statistics import mean, median
-from typing import Final, TypeVar
+from typing import Final, NamedTuple, TypeVar
 
 from dtwin.line.station import WorkTimes
 
@@ -25,6 +26,22 @@ _OTHERWISE: Final = 0.05
 """Share by which they do."""
 _IDLE: Final = 2.0
 """Share of the rehearsed way back from which on an arm is taken to have waited for a box."""
+_PROMPT: Final = 0.05
+"""Time by which an arm that was back may grip a box later than usual, s."""
+
+
+class _Turn(NamedTuple):
+    """What was seen between two boxes.
+
+    Attributes:
+        place: name of the place from which the arm came back.
+        idle: time from when the box before it was there until the next one was offered, s.
+        grip: time from then until it was held, s.
+    """
+
+    place: str
+    idle: float
+    grip: float
 
 
 class MeasuredWork:
@@ -37,9 +54,8 @@ class MeasuredWork:
 
     def __init__(self, places: tuple[str, ...], period: float) -> None:
         self._places, self._period = places, period
-        self._grips: deque[float] = deque(maxlen=_LAST)
+        self._turns: deque[_Turn] = deque(maxlen=_LAST * len(places))
         self._carries: dict[str, deque[tuple[int, float]]] = defaultdict(lambda: deque(maxlen=_LAST))
-        self._backs: dict[str, deque[float]] = defaultdict(lambda: deque(maxlen=_LAST))
         self._first: dict[tuple[str, int], float] = {}
         self._kind = 0
         self.interrupt()
@@ -50,7 +66,7 @@ class MeasuredWork:
         self._offered: int | None = None
         self._gripped: int | None = None
         self._released: int | None = None
-        self._place = ""
+        self._place = self._from = ""
 
     def follow(self, ticks: Iterable[tuple[int, bool]], kind: int = 0) -> None:
         """Follows the next ticks, so few that an arm which holds a box at their end has not brought the next one.
@@ -65,19 +81,22 @@ class MeasuredWork:
             if self._gripped is not None:
                 if not grips:
                     self._carried(self._since(self._gripped))
-                    self._gripped, self._released = None, self._ticks
+                    self._gripped, self._released, self._from = None, self._ticks, self._place
             elif grips:
                 if self._offered is not None:
-                    self._grips.append(self._since(self._offered))
+                    self._turned(self._offered)
                     self._gripped = self._ticks
-                self._offered = None
+                self._offered = self._released = None
             elif box and self._offered is None:
-                if self._released is not None:
-                    self._backs[self._place].append(self._since(self._released))
-                self._offered, self._released, self._place = self._ticks, None, self._places[box - 1]
+                self._offered, self._place = self._ticks, self._places[box - 1]
             elif not box:
                 self._offered = None
         self._kind = kind
+
+    def _turned(self, offered: int) -> None:
+        if self._released is not None:
+            idle = (offered - self._released) * self._period
+            self._turns.append(_Turn(self._from, idle, self._since(offered)))
 
     def _carried(self, time: float) -> None:
         self._carries[self._place].append((self._kind, time))
@@ -99,12 +118,9 @@ class MeasuredWork:
 
     def times(self, rehearsed: WorkTimes) -> WorkTimes:
         """How long the arm takes; to places to which it has brought too few boxes as much longer as to the others."""
-        grip = _usual(self._grips) if len(self._grips) >= _ENOUGH else rehearsed.grip
-        busy = {
-            place: [each for each in self._backs[place] if each <= _IDLE * back]
-            for place, back in rehearsed.back.items()
-        }
-        backs = {place: _usual(last) for place, last in busy.items() if len(last) >= _ENOUGH}
+        grip = self._grip(rehearsed)
+        seen = {place: self._back(place, grip, rehearsed) for place in rehearsed.back}
+        backs = {place: time for place, time in seen.items() if time is not None}
         carries = {
             place: mean(_usual(self._carried_to(place, kind)) for kind, _ in last)
             for place, last in self._carries.items()
@@ -118,6 +134,24 @@ class MeasuredWork:
         }
         carry, back = _everywhere(carries, rehearsed.carry), _everywhere(backs, rehearsed.back)
         return WorkTimes(grip, carry, back, _everywhere(classes, rehearsed.classes) | classes)
+
+    def _grip(self, rehearsed: WorkTimes) -> float:
+        """How long an arm that waits takes to grip a box, s."""
+        waited = [turn.grip for turn in self._turns if turn.idle >= _IDLE * rehearsed.back.get(turn.place, math.inf)]
+        return _usual(waited) if len(waited) >= _ENOUGH else rehearsed.grip
+
+    def _back(self, place: str, grip: float, rehearsed: WorkTimes) -> float | None:
+        """How long it takes from a place until it waits, s; None where that was not seen.
+
+        Where it was back before the next box was offered, it is known to have taken no longer.
+        """
+        turns = [turn for turn in self._turns if turn.place == place]
+        late = [turn.idle + turn.grip - grip for turn in turns if turn.grip > grip + _PROMPT]
+        prompt = [turn.idle for turn in turns if turn.grip <= grip + _PROMPT]
+        found = _usual(late) if len(late) >= _ENOUGH else None
+        if len(prompt) >= _ENOUGH and (most := _newest(prompt)) < (found or rehearsed.back[place]):
+            return most
+        return found
 
     def _since(self, tick: int) -> float:
         return (self._ticks - tick) * self._period
