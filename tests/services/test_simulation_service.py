@@ -348,7 +348,7 @@ class FakeUploader:
 
     trial, last, version = None, None, 1
 
-    def __init__(self, port: object, history: object, checker: FakeChecker) -> None:
+    def __init__(self, checker: FakeChecker) -> None:
         self._noted = checker.noted
 
     def look_again(self, time: float) -> None:
@@ -367,6 +367,9 @@ class FakeChecker:
 
     def load(self) -> None:
         self.noted.append("load")
+
+    def expected_tracking(self, *settings: object) -> None:
+        self.noted.append("check")
 
 
 class FakeService:
@@ -408,8 +411,8 @@ class FakeService:
 def test_an_upload_that_comes_at_once_waits_for_what_it_is_checked_with(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(simulation, "Uploader", FakeUploader)
     checker = FakeChecker()
+    monkeypatch.setattr(simulation, "Uploader", lambda *parts: FakeUploader(checker))
     history = History(tmp_path / "history.jsonl")
     simulation.Simulation(cast(Any, FakeService()), history, cast(Any, checker)).run()
     assert checker.noted == ["load", "upload"]
