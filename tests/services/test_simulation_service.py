@@ -17,7 +17,19 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from dtwin.bus.messages import PATH, PREDICT, ROLL_BACK, SENSORS, SETTINGS, UPLOAD, SettingsInForce, SettingsRequest
+from dtwin.arm.model import ArmTuning
+from dtwin.bus.chain.messages import JointUpload, JointUploadRequest
+from dtwin.bus.messages import (
+    ARM_UPLOAD,
+    PATH,
+    PREDICT,
+    ROLL_BACK,
+    SENSORS,
+    SETTINGS,
+    UPLOAD,
+    SettingsInForce,
+    SettingsRequest,
+)
 from dtwin.bus.messages import Path as PathAngles
 from dtwin.bus.session import Bus
 from dtwin.bus.topics.topic import Topic
@@ -182,6 +194,17 @@ def test_what_is_refused_changes_nothing(cell: Desk, history: History) -> None:
     assert [entry.action for entry in history.entries()[count:]] == ["refuse"] * 2, (
         "a request for nothing is not written down"
     )
+
+
+def test_settings_of_another_arms_controller_are_refused_by_name(cell: Desk, history: History) -> None:
+    with join("cell") as bus:
+        before, count = now(bus), len(history.entries())
+        asked = JointUploadRequest("bob", "calmer", before.version, tuning=ArmTuning(pole=9.0))
+        with pytest.raises(CommunicationError, match="tuning: not those of this controller: expected gains"):
+            bus.ask(ARM_UPLOAD, asked, JointUpload)
+        assert now(bus) == before
+    assert "settings: not those of this" in cell.run("upload", "arm", "--pole", "9", "--why", "calmer", status=2)
+    assert len(history.entries()) == count
 
 
 def test_nobody_sets_anything_past_the_checks(cell: Desk, history: History) -> None:
