@@ -69,12 +69,14 @@ class ArmSettings:
 
     Attributes:
         GROUPS: settings that come into force at once, which is all of them.
+        NAMED: settings that stay, but which a change may be meant for alone: none.
         EXPECTED: what of them one change may consist of, in words.
         model: the model by which they reckon.
         tuning: how they control.
     """
 
     GROUPS: ClassVar[Mapping[tuple[str, ...], tuple[str, ...]]] = {("model", "tuning"): ("model", "tuning")}
+    NAMED: ClassVar[tuple[str, ...]] = ()
     EXPECTED: ClassVar[str] = "a model, a tuning or both"
 
     model: ArmModel

@@ -112,6 +112,7 @@ class UploadRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag
         payload: mass of a box that the controller shall assume, kg.
         encoder_offset: offsets to be taken off what the encoders read, rad.
         late: ticks by which commands act later than they did, for the check.
+        law: law that the gains are of; they are refused under another one.
     """
 
     who: Word
@@ -125,6 +126,7 @@ class UploadRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag
     payload: Kilograms | None = None
     encoder_offset: CellJoints | None = None
     late: Ticks = 0.0
+    law: Law | None = None
 
 
 class RollBackRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):

@@ -120,6 +120,7 @@ class ControlSettings:
     Attributes:
         GROUPS: inputs that hold settings which a running controller can be given, by the names of those that come
             into force at once.
+        NAMED: settings that stay, but which a change may be meant for alone.
         EXPECTED: what of them one change may consist of, in words.
         target_time: duration T of every motion, s.
         gains: gains of the law; the usual ones of the law if not given.
@@ -143,6 +144,7 @@ class ControlSettings:
         ("payload",): LOAD,
         ("encoder_offset",): OFFSETS,
     }
+    NAMED: ClassVar[tuple[str, ...]] = ("law",)
     EXPECTED: ClassVar[str] = "gains, a target time or both, or a model, a payload or encoder offsets alone"
 
     target_time: float = 2.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import Field, dataclass, replace
+from dataclasses import Field, dataclass, field, replace
 from typing import Any, ClassVar, Final, Generic, Protocol, Self, TypeVar
 
 from dtwin.errors import ParameterError
@@ -21,11 +21,13 @@ class Settings(Protocol):
 
     Attributes:
         GROUPS: what of the controller holds them, by the names of settings that come into force at once.
+        NAMED: settings that nothing changes while the controller runs, but which a change may be meant for alone.
         EXPECTED: what one change may consist of, in words.
     """
 
     __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
     GROUPS: ClassVar[Mapping[tuple[str, ...], tuple[str, ...]]]
+    NAMED: ClassVar[tuple[str, ...]]
     EXPECTED: ClassVar[str]
 
     def differing(self, other: Self) -> set[str]:
@@ -42,10 +44,12 @@ class Change(Generic[S]):
     Attributes:
         group: what of the controller holds them, of the settings' GROUPS.
         values: the new values by the names of the settings.
+        meant_for: settings that must be in force for it, by their names, as the law that gains are of.
     """
 
     group: tuple[str, ...]
     values: Mapping[str, Any]
+    meant_for: Mapping[str, Any] = field(default_factory=dict)
 
     @classmethod
     def of(cls, kind: type[S], values: Mapping[str, Any]) -> Change[S]:
@@ -59,13 +63,15 @@ class Change(Generic[S]):
             ParameterError: this controller has no such settings, which are named; nothing is new; or it takes
                 several messages, which could not come into force at once.
         """
-        new = {name: value for name, value in values.items() if value is not None}
+        given = {name: value for name, value in values.items() if value is not None}
+        named = {name: given[name] for name in kind.NAMED if name in given}
+        new = {name: value for name, value in given.items() if name not in named}
         if foreign := sorted(new.keys() - {name for names in kind.GROUPS for name in names}):
             raise ParameterError(f"{', '.join(foreign)}: this controller has none: expected {kind.EXPECTED}")
         groups = [group for names, group in kind.GROUPS.items() if new.keys() & set(names)]
         if len(groups) != 1:
             raise ParameterError(f"settings: expected {kind.EXPECTED}")
-        return cls(groups[0], new)
+        return cls(groups[0], new, named)
 
     @classmethod
     def towards(cls, wanted: S, now: S) -> Change[S] | None:
@@ -84,13 +90,20 @@ class Change(Generic[S]):
         return _KINDS.get(first, first)
 
     def apply(self, settings: S) -> S:
-        """The given settings with these values."""
+        """The given settings with these values.
+
+        Raises:
+            Refused: it is meant for others.
+        """
+        for name, value in self.meant_for.items():
+            if (now := getattr(settings, name)) != value:
+                raise Refused(f"{self.kind}: expected those of the {name} in force, {now}, got those of {value}")
         return replace(settings, **self.values)
 
 
 def asked_of(kind: type[Settings], message: object) -> dict[str, Any]:
     """What a message asks of the settings of a controller, by their names; None for what it leaves as it is."""
-    return {name: getattr(message, name, None) for names in kind.GROUPS for name in names}
+    return {name: getattr(message, name, None) for names in (*kind.GROUPS, kind.NAMED) for name in names}
 
 
 @dataclass(frozen=True, slots=True)

@@ -156,9 +156,9 @@ class Uploader(Generic[S, E]):
             ParameterError: the settings must not be uploaded; the refusal is in the history.
             CommunicationError: the controller does not answer, or has not taken over the settings.
         """
-        settings = proposal.change.apply(self.settings)
         try:
             self.refuse_outdated(proposal)
+            settings = proposal.change.apply(self.settings)
             if self.trial is not None:
                 raise Refused(f"version {self.version} is on trial until {self.trial.ends()}: expected to wait")
             predicted = (check or self._check)(settings, self.settings)

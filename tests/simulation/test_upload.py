@@ -328,13 +328,20 @@ def test_proposals_are_one_message(parts: dict[str, object]) -> None:
             "pole: this controller has none: expected gains, a target",
         ),
         (ControlSettings, {"tuning": ArmTuning()}, "tuning: this controller has none"),
-        (ControlSettings, {"law": "cascade", "gains": HIGHER}, "law: this controller has none"),
+        (ControlSettings, {"law": "cascade"}, "settings: expected gains"),
         (ArmSettings, {"gains": HIGHER, "payload": 0.1}, "gains, payload: .* expected a model, a tuning or both"),
     ],
 )
 def test_what_a_controller_has_not_is_refused_by_name(kind: type, values: dict[str, object], said: str) -> None:
     with pytest.raises(ParameterError, match=said):
         Change.of(kind, values)
+
+
+def test_gains_of_another_law_are_refused(desk: UploadingCell) -> None:
+    with pytest.raises(Refused, match="expected those of the law in force, computed_torque, got those of cascade"):
+        desk.uploader.upload(wish("bob", "tuned", 1, gains=HIGHER, law="cascade"), 1.0)
+    assert desk.actions() == ["start", "refuse"]
+    assert desk.uploader.upload(wish("bob", "tuned", 1, gains=HIGHER, law="computed_torque"), 1.0).action == "upload"
 
 
 def test_not_a_number_and_wrong_shapes_never_become_settings() -> None:
