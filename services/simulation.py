@@ -26,12 +26,11 @@ from dtwin.bus.messages import (
     Acted,
     PassedTicks,
     SettingsInForce,
-    SettingsRequest,
 )
 from dtwin.bus.messages import Path as PathAngles
 from dtwin.bus.pairs import Pairs
 from dtwin.bus.proposals.messages import Proposal as Proposed
-from dtwin.bus.session import Bus, Subscription
+from dtwin.bus.session import Subscription
 from dtwin.bus.twin_messages import (
     Predicted,
     PredictedMotion,
@@ -49,7 +48,7 @@ from dtwin.run.options import CellFileOption
 from dtwin.services.parts.proposing.answers import Proposing
 from dtwin.services.parts.readiness.preparation import prepare
 from dtwin.services.parts.state_file import from_message, to_request
-from dtwin.services.parts.uploading.uploading import RETRY, Uploading
+from dtwin.services.parts.uploading.uploading import RETRY, BridgePort, Uploading
 from dtwin.services.service import Link, Service, main
 from dtwin.settings.change import asked_of
 from dtwin.signals import Event, EventKind, Sensors
@@ -83,28 +82,6 @@ class Options(CellFileOption, Link):
             checker = Checker(task=self.task(), effects=effects, via=SEQUENCES[self.sequence].via)
             Simulation(service, History(self.history), checker, record).run()
         return 0
-
-
-class BridgePort:
-    """The running controller as uploads see it: through the bridge, which alone talks to the device.
-
-    Args:
-        bus: session of this service.
-    """
-
-    def __init__(self, bus: Bus) -> None:
-        self._bus = bus
-
-    def put(self, group: tuple[str, ...], settings: ControlSettings, who: str, why: str) -> ControlSettings:
-        """Raises CommunicationError when the device does not take them over."""
-        return self._ask(to_request(group, settings))
-
-    def read_back(self) -> ControlSettings:
-        """Raises CommunicationError when the device does not answer."""
-        return self._ask(None)
-
-    def _ask(self, request: SettingsRequest | None) -> ControlSettings:
-        return from_message(self._bus.ask(SETTINGS, request, SettingsInForce))
 
 
 class Simulation:
@@ -145,8 +122,9 @@ class Simulation:
         """Works until it is asked to end."""
         service = self._service
         prepare(service, [("the checks of uploads", self._checker.load)])
+        port = BridgePort(service.bus, SETTINGS, SettingsInForce, from_message, to_request)
         self._uploading.find(
-            lambda: Uploader(BridgePort(service.bus), self._history, self._checker.expected_tracking),
+            lambda: Uploader(port, self._history, self._checker.expected_tracking),
             lambda found: prepare(service, [("what the arm may lack", partial(self._tolerate, found))]),
         )
         self._follow()

@@ -23,11 +23,10 @@ from dtwin.bus.chain.messages import (
     JointUploadRequest,
 )
 from dtwin.bus.messages import ADJUSTED, ARM_PREDICT, ARM_UPLOAD, JOINT_TICKS, MODEL
-from dtwin.bus.session import Bus
 from dtwin.run.chain import ChainSettings
 from dtwin.services.chain.options import ArmCellOptions
 from dtwin.services.parts.readiness.preparation import prepare
-from dtwin.services.parts.uploading.uploading import RETRY, Uploading
+from dtwin.services.parts.uploading.uploading import RETRY, BridgePort, Uploading
 from dtwin.services.service import Link, Service, main
 from dtwin.simulation.chain.checks import as_before, expected_tracking
 from dtwin.simulation.chain.history import ArmEntry, ArmHistory
@@ -55,29 +54,6 @@ class Options(ArmCellOptions, Link):
         with Service(NAME, self) as service:
             Simulation(service, settings, ArmHistory(self.history)).run()
         return 0
-
-
-class BridgePort:
-    """The running blocks as uploads see them: through the bridge, which alone talks to them.
-
-    Args:
-        bus: session of this service.
-    """
-
-    def __init__(self, bus: Bus) -> None:
-        self._bus = bus
-
-    def put(self, group: tuple[str, ...], settings: ArmSettings, who: str, why: str) -> ArmSettings:
-        """Raises CommunicationError when the bridge does not answer, or refuses."""
-        return self._ask(JointModel(who, why, settings.model, settings.tuning))
-
-    def read_back(self) -> ArmSettings:
-        """Raises CommunicationError when the bridge does not answer."""
-        return self._ask(None)
-
-    def _ask(self, request: JointModel | None) -> ArmSettings:
-        found = self._bus.ask(MODEL, request, JointModel)
-        return ArmSettings(found.model, found.tuning)
 
 
 class _Mark:
@@ -113,7 +89,7 @@ class Simulation:
         """Works until it is asked to end."""
         service, uploading = self._service, self._uploading
         prepare(service, [("the checks of settings", partial(self._expected, self._sheet, self._sheet))])
-        port = BridgePort(service.bus)
+        port = BridgePort(service.bus, MODEL, JointModel, _settings_of, _request)
         uploading.find(lambda: Uploader(port, self._history, self._expected, RULES, forgotten=self._sheet))
         service.ready()
         while not service.stopping:
@@ -173,6 +149,14 @@ class Simulation:
         """Leaves out of a trial what waits in the inbox, which is of the settings before."""
         self._marks += 1
         self._service.inbox.put(_Mark())
+
+
+def _settings_of(told: JointModel) -> ArmSettings:
+    return ArmSettings(told.model, told.tuning)
+
+
+def _request(group: tuple[str, ...], settings: ArmSettings, who: str, why: str) -> JointModel:
+    return JointModel(who, why, settings.model, settings.tuning)
 
 
 def _message(uploader: Uploader[ArmSettings, ArmEntry]) -> JointUpload:

@@ -98,8 +98,8 @@ def from_message(message: SettingsInForce) -> ControlSettings:
     )
 
 
-def to_request(group: tuple[str, ...], settings: ControlSettings) -> SettingsRequest:
-    """The request that puts one of GROUPS of some settings into force."""
+def to_request(group: tuple[str, ...], settings: ControlSettings, who: str, why: str) -> SettingsRequest:
+    """The request that puts one of GROUPS of some settings into force; it says not for whom and why."""
     names = next(names for names, inputs in settings.GROUPS.items() if inputs == group)
     return SettingsRequest(**{name: getattr(settings, name) for name in names})
 

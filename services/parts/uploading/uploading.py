@@ -5,12 +5,13 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import Callable
-from typing import Any, Final, Generic, NoReturn, Protocol, TypeVar
+from typing import Any, Final, Generic, NoReturn, TypeVar
 
 import msgspec
 
 from dtwin.bus.chain.messages import JointUploadRequest
 from dtwin.bus.messages import ARM_ROLL_BACK, ARM_UPLOAD, EVENTS, ROLL_BACK, UPLOAD
+from dtwin.bus.session import Bus
 from dtwin.bus.topics.topic import Topic
 from dtwin.bus.twin_messages import RollBackRequest, UploadRequest
 from dtwin.errors import CommunicationError, DtwinError, ParameterError
@@ -23,6 +24,7 @@ from dtwin.simulation.upload import E, Uploader
 log = logging.getLogger(__name__)
 
 M = TypeVar("M", bound=msgspec.Struct)
+Asked = UploadRequest | JointUploadRequest
 RETRY: Final = 0.2
 """Time between two attempts to reach the controller, s."""
 _STARTING: Final = "the simulation service is not ready yet: `dtwin status` shows what it does"
@@ -32,17 +34,38 @@ _SETTINGS: Final = ("gains", "target_time", "payload", "encoder_offset", "model"
 """What these messages ask for."""
 
 
-class Asked(Protocol):
-    """A request for other settings."""
+class BridgePort(Generic[S, M]):
+    """The running controller as uploads see it: through the bridge, which alone talks to it.
 
-    @property
-    def who(self) -> str: ...
-    @property
-    def why(self) -> str: ...
-    @property
-    def based_on(self) -> int: ...
-    @property
-    def version(self) -> int | None: ...
+    Args:
+        bus: session of the service.
+        topic: topic of the settings of such a controller.
+        reply: message in which the bridge tells them.
+        found: the settings that it tells.
+        request: the message that asks for one of the groups of some settings, for somebody and for a reason.
+    """
+
+    def __init__(
+        self,
+        bus: Bus,
+        topic: Topic,
+        reply: type[M],
+        found: Callable[[M], S],
+        request: Callable[[tuple[str, ...], S, str, str], msgspec.Struct],
+    ) -> None:
+        self._bus = bus
+        self._topic = topic
+        self._reply = reply
+        self._found = found
+        self._request = request
+
+    def put(self, group: tuple[str, ...], settings: S, who: str, why: str) -> S:
+        """Raises CommunicationError when the controller does not take them over."""
+        return self._found(self._bus.ask(self._topic, self._request(group, settings, who, why), self._reply))
+
+    def read_back(self) -> S:
+        """Raises CommunicationError when the controller does not answer."""
+        return self._found(self._bus.ask(self._topic, None, self._reply))
 
 
 class Uploading(Generic[S, E, M]):
