@@ -64,14 +64,14 @@ class Change(Generic[S]):
                 several messages, which could not come into force at once.
         """
         given = {name: value for name, value in values.items() if value is not None}
-        named = {name: given[name] for name in kind.NAMED if name in given}
-        new = {name: value for name, value in given.items() if name not in named}
-        if foreign := sorted(new.keys() - {name for names in kind.GROUPS for name in names}):
+        known = [name for names in kind.GROUPS for name in names]
+        if foreign := sorted(given.keys() - {*known, *kind.NAMED}):
             raise ParameterError(f"{', '.join(foreign)}: this controller has none: expected {kind.EXPECTED}")
+        new = {name: given[name] for name in known if name in given}
         groups = [group for names, group in kind.GROUPS.items() if new.keys() & set(names)]
         if len(groups) != 1:
             raise ParameterError(f"settings: expected {kind.EXPECTED}")
-        return cls(groups[0], new, named)
+        return cls(groups[0], new, {name: given[name] for name in kind.NAMED if name in given})
 
     @classmethod
     def towards(cls, wanted: S, now: S) -> Change[S] | None:
