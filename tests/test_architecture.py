@@ -6,10 +6,17 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import get_type_hints
 
 import pytest
 
+from dtwin.arm.model import ArmSettings
+from dtwin.bus.chain.messages import JointModel, JointUploadRequest
+from dtwin.bus.controller.messages import SettingsInForce, SettingsRequest
+from dtwin.bus.twin_messages import UploadRequest
+from dtwin.controller.settings import ControlSettings
 from dtwin.parameters import ROOT
+from dtwin.settings.change import Settings
 from iec61499.library import Library
 from iec61499.runtime.resource import Resource
 from tests.support.iec61499.networks import network
@@ -33,6 +40,24 @@ def test_every_path_of_the_page_exists() -> None:
     assert made == {"fb/LIMITER.fbt", "services/counter.py"}
     missing = [word for word in outside - made if not any((ROOT / part / word).exists() for part in ("", "dtwin"))]
     assert not missing
+
+
+@pytest.mark.parametrize(
+    ("settings", "messages"),
+    [
+        (ControlSettings, (UploadRequest, SettingsRequest, SettingsInForce)),
+        (ArmSettings, (JointUploadRequest, JointModel)),
+    ],
+)
+def test_a_setting_has_its_field_in_all_requests_and_in_the_page_on_them(
+    settings: type[Settings], messages: tuple[type, ...]
+) -> None:
+    told = (ROOT / "docs" / "zenoh.md").read_text()
+    for message in messages:
+        rows = told.partition(f"### {message.__name__}\n")[2].partition("\n### ")[0]
+        for name in (name for names in settings.GROUPS for name in names):
+            assert name in get_type_hints(message), (message, name)
+            assert f"| `{name}` |" in rows, (message, name)
 
 
 @pytest.fixture(scope="module")

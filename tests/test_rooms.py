@@ -14,7 +14,7 @@ FLOORS = [
     {"dtwin.lengths"},
     {"dtwin.errors", "dtwin.optional"},
     {"dtwin.files", "dtwin.names", "dtwin.options", "dtwin.parameters", "dtwin.terminal"},
-    {"dtwin.signals", "dtwin.task", "dtwin.line_file", "dtwin.arm"},
+    {"dtwin.signals", "dtwin.task", "dtwin.line_file", "dtwin.settings", "dtwin.arm"},
     {"dtwin.bus", "dtwin.emulation", "dtwin.twin", "dtwin.controller", "dtwin.equations", "dtwin.loop"},
     {"dtwin.logs", "dtwin.measurements"},
     {"dtwin.run", "dtwin.fmu", "dtwin.campaign"},

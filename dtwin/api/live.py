@@ -44,7 +44,7 @@ from dtwin.bus.twin_messages import (
     UploadRequest,
 )
 from dtwin.errors import CommunicationError, ParameterError, UnansweredError
-from dtwin.parameters import PERIOD, ArmParameters, CellJoints, Gains, joint_vector
+from dtwin.parameters import PERIOD, ArmParameters, CellJoints, Gains, Law, joint_vector
 from dtwin.services.runfile import join
 from dtwin.signals import Sensors, Voltages
 from iec61499.net.sockets import Closing
@@ -249,6 +249,7 @@ class LiveCell(Closing):
         self,
         *,
         gains: Gains | AnyPath | None = None,
+        law: Law | None = None,
         kp: CellJoints | None = None,
         ki: CellJoints | None = None,
         kd: CellJoints | None = None,
@@ -266,6 +267,7 @@ class LiveCell(Closing):
 
         Args:
             gains: gains of the control law, or the file in which `dtwin optimise` has saved them and a target time.
+            law: law that gains are of, which refuses them under another one; None for that of the file, or in force.
             kp: proportional gains of joints 1 to 3, 1/s^2; None for those of `gains`, or in force.
             ki: integral gains, 1/s^3.
             kd: derivative gains, 1/s.
@@ -287,21 +289,13 @@ class LiveCell(Closing):
         from dtwin.api.kept.settings import known_arm, wished_model, wished_tuning  # Who stops an arm needs no files.
 
         now = self.settings()
-        tuning = wished_tuning(gains, {"kp": kp, "ki": ki, "kd": kd}, now.gains)
+        wished = wished_tuning(gains, {"kp": kp, "ki": ki, "kd": kd}, now.gains, law, target_time)
         believed = wished_model(known_arm(model, store), set, now.model)
-        if tuning is None and target_time is None and believed is None and version is None:
+        if not wished and believed is None and version is None:
             raise ParameterError("upload: expected gains, target_time or model, or a version")
-        request = UploadRequest(
-            who=who or getpass.getuser(),
-            why=why,
-            based_on=now.version if based_on is None else based_on,
-            gains=None if tuning is None else tuning.gains,
-            target_time=tuning.target_time if tuning is not None and target_time is None else target_time,
-            model=believed,
-            version=version,
-            arm=known_arm(arm, store),
-        )
-        return self.send(request)
+        seen, checked_on = now.version if based_on is None else based_on, known_arm(arm, store)
+        values = {**wished, "model": believed, "version": version, "arm": checked_on}
+        return self.send(UploadRequest(who or getpass.getuser(), why, seen, **values))
 
     def send(self, request: UploadRequest) -> Upload:
         """Sends a request for other settings as it is.

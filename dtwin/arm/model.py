@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, ClassVar, Final
 
 if TYPE_CHECKING:  # Messages carry models, and who only passes them loads no library of numbers.
     from dtwin.arm.chain import Arm
@@ -67,9 +68,20 @@ class ArmSettings:
     """All that running blocks can be given.
 
     Attributes:
+        GROUPS: settings that come into force at once, which is all of them.
+        NAMED: settings that stay, but which a change may be meant for alone: none.
+        EXPECTED: what of them one change may consist of, in words.
         model: the model by which they reckon.
         tuning: how they control.
     """
 
+    GROUPS: ClassVar[Mapping[tuple[str, ...], tuple[str, ...]]] = {("model", "tuning"): ("model", "tuning")}
+    NAMED: ClassVar[tuple[str, ...]] = ()
+    EXPECTED: ClassVar[str] = "a model, a tuning or both"
+
     model: ArmModel
     tuning: ArmTuning = ArmTuning()
+
+    def differing(self, other: ArmSettings) -> set[str]:
+        """Names of the settings that differ."""
+        return {name for name in ("model", "tuning") if getattr(self, name) != getattr(other, name)}

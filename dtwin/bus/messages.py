@@ -1,7 +1,8 @@
 """What services say to each other beside the signals, and the table of all topics.
 
 A key is `dtwin/<cell>/<arm>/<topic>`. Every message is a JSON object with `schema`; fields that a reader does not
-know are ignored, missing or mistyped ones make it refuse the message. docs/zenoh.md describes the same for people.
+know are ignored, but in requests for settings, of which nothing may be left out; missing or mistyped ones make it
+refuse the message. docs/zenoh.md describes the same for people.
 """
 
 from __future__ import annotations

@@ -96,7 +96,7 @@ class IdentificationState(msgspec.Struct, frozen=True, tag_field="schema", tag=S
     doubts: Line = ""
 
 
-class UploadRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+class UploadRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="schema", tag=SCHEMA):
     """New settings for the running controller: gains and target time, one of them, a model, the mass of a box,
     offsets of the encoders, or an earlier version.
 
@@ -104,7 +104,7 @@ class UploadRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA)
         who: wants them.
         why: reason in the words of who asks.
         based_on: version of the settings that they have seen.
-        gains: gains of the computed-torque law.
+        gains: gains of the law in force.
         target_time: s.
         model: arm model for the controller.
         version: version of the history that shall be in force again.
@@ -112,6 +112,7 @@ class UploadRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA)
         payload: mass of a box that the controller shall assume, kg.
         encoder_offset: offsets to be taken off what the encoders read, rad.
         late: ticks by which commands act later than they did, for the check.
+        law: law that the gains are of; they are refused under another one.
     """
 
     who: Word
@@ -125,6 +126,7 @@ class UploadRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA)
     payload: Kilograms | None = None
     encoder_offset: CellJoints | None = None
     late: Ticks = 0.0
+    law: Law | None = None
 
 
 class RollBackRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
@@ -175,7 +177,7 @@ class PredictionRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCH
     """What if the controller had other settings? Nothing is changed.
 
     Attributes:
-        gains: gains of the computed-torque law; those in force when None.
+        gains: gains of the law in force; those in force when None.
         target_time: s; the one in force when None.
         model: arm model of the controller; the one in force when None.
         arm: arm as the twin knows it; that of the cell's record, or the controller's model, when None.

@@ -9,7 +9,7 @@ import msgspec
 
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import ModelError
-from dtwin.parameters import Gains
+from dtwin.parameters import Gains, Law
 
 NotNegative = Annotated[float, msgspec.Meta(ge=0.0)]
 
@@ -60,10 +60,12 @@ class SavedTuning(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         target_time: duration of every motion, s; None for that in force.
         gains: gains of the control law.
+        law: that law; None if it is not known.
     """
 
     target_time: float | None = None
     gains: Gains
+    law: Law | None = None
 
 
 class _Record(msgspec.Struct):

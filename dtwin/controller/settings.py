@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Final, get_args
+from typing import Annotated, ClassVar, Final, get_args
 
-from dtwin.controller.ports import CONFIRM, OFFSETS, PAYLOAD, PULL, REPEATS, WIDENED
+from dtwin.controller.ports import CONFIRM, LOAD, MODEL, OFFSETS, PAYLOAD, PULL, REPEATS, TUNING, WIDENED
 from dtwin.errors import ParameterError, choices
 from dtwin.parameters import (
     JOINTS,
@@ -118,6 +118,10 @@ class ControlSettings:
     """Values for the data inputs of the control application.
 
     Attributes:
+        GROUPS: inputs that hold settings which a running controller can be given, by the names of those that come
+            into force at once.
+        NAMED: settings that stay, but which a change may be meant for alone.
+        EXPECTED: what of them one change may consist of, in words.
         target_time: duration T of every motion, s.
         gains: gains of the law; the usual ones of the law if not given.
         law: "computed_torque" feeds back through the mass matrix, "row_sum" through its row sums without the damping
@@ -133,6 +137,15 @@ class ControlSettings:
     Raises:
         ParameterError: a value is out of range.
     """
+
+    GROUPS: ClassVar[Mapping[tuple[str, ...], tuple[str, ...]]] = {
+        ("gains", "target_time"): TUNING,
+        ("model",): MODEL,
+        ("payload",): LOAD,
+        ("encoder_offset",): OFFSETS,
+    }
+    NAMED: ClassVar[tuple[str, ...]] = ("law",)
+    EXPECTED: ClassVar[str] = "gains, a target time or both, or a model, a payload or encoder offsets alone"
 
     target_time: float = 2.0
     gains: Gains = _OF_THE_LAW
@@ -215,6 +228,10 @@ class ControlSettings:
             ),
             (values[OFFSETS[0]], values[OFFSETS[1]], values[OFFSETS[2]]),
         )
+
+    def angles(self, readings: JointVector) -> JointVector:
+        """The angles that encoders with the known offsets read, rad."""
+        return tuple(reading - offset for reading, offset in zip(readings, self.encoder_offset, strict=True))
 
     def differing(self, other: ControlSettings) -> set[str]:
         """Names of the inputs whose values differ by more than the 15 digits that a FORTE writes."""

@@ -7,25 +7,9 @@ blocks follow by small steps, are written to the inputs that hold them.
 
 from __future__ import annotations
 
-from typing import Protocol
-
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.ports import ARM_MODEL, GAINS, MODEL, TUNING
 from dtwin.controller.settings import ControlSettings
-
-
-class SettingsPort(Protocol):
-    """A running controller whose settings can be changed and read back."""
-
-    def put(self, group: tuple[str, ...], settings: ControlSettings) -> ControlSettings:
-        """Puts one of GROUPS of some settings into force; returns all that are in force then.
-
-        The target time counts from the next motion, everything else from the next tick; what is taken off the
-        encoders follows their offsets by small steps.
-        """
-
-    def read_back(self) -> ControlSettings:
-        """The settings in the blocks of the controller."""
 
 
 class EmbeddedPort:
@@ -43,8 +27,12 @@ class EmbeddedPort:
         ports = {TUNING: GAINS, MODEL: ARM_MODEL}
         self._together = {group: self._resource.server(port.block) for group, port in ports.items()}
 
-    def put(self, group: tuple[str, ...], settings: ControlSettings) -> ControlSettings:
-        """Puts one of GROUPS into force, as of `SettingsPort`."""
+    def put(self, group: tuple[str, ...], settings: ControlSettings, who: str = "", why: str = "") -> ControlSettings:
+        """Puts one of GROUPS of some settings into force; returns all that are in force then.
+
+        The target time counts from the next motion, everything else from the next tick; what is taken off the
+        encoders follows their offsets by small steps. The blocks keep nothing of who wants it and why.
+        """
         values = settings.inputs()
         if group in self._together:
             self._together[group].exchange([values[name] for name in group])

@@ -9,7 +9,7 @@ import numpy as np
 
 from dtwin.arm.chain import Arm, Array
 from dtwin.arm.poses import ranges
-from dtwin.equations.rigid import Numbers, motion
+from dtwin.equations.rigid import Numbers, frames
 from dtwin.errors import UnreachableError
 
 _NEAR: Final = 1e-6
@@ -49,11 +49,9 @@ def tool_of(arm: Arm, q: Numbers) -> tuple[Numbers, Numbers]:
         arm: chain of n joints.
         q: positions, (N, n).
     """
-    still = np.zeros_like(q)
-    moving = motion(arm, q, still, still)
     point: Numbers = np.broadcast_to(arm.tool, (len(q), 3))
     along: Numbers = point / max(float(np.linalg.norm(arm.tool)), 1e-12)
-    for rotation, translation in zip(moving.rotation[::-1], moving.translation[::-1], strict=True):
+    for rotation, translation in reversed(frames(arm, q)):
         point = translation + np.einsum("nij,nj->ni", rotation, point)
         along = np.einsum("nij,nj->ni", rotation, along)
     return point, along

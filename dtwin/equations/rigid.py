@@ -48,6 +48,25 @@ class Motion:
     linear: list[Numbers]
 
 
+def frames(arm: Arm, q: Numbers) -> list[tuple[Numbers, Numbers]]:
+    """Attitude, (N, 3, 3), and origin, (N, 3), m, of the frame of each joint in the one before.
+
+    Args:
+        arm: chain of n joints.
+        q: positions, (N, n), rad or m.
+    """
+    samples, found = len(q), []
+    for i, joint in enumerate(arm.joints):
+        turns = joint.kind == "revolute"
+        axis = joint.axis
+        rotation = joint.rotation @ _turned(axis, q[:, i]) if turns else _still(joint.rotation, samples)
+        translation = np.broadcast_to(joint.translation, (samples, 3))
+        if not turns:
+            translation = translation + q[:, i, None] * (joint.rotation @ axis)
+        found.append((rotation, translation))
+    return found
+
+
 def motion(arm: Arm, q: Numbers, qd: Numbers, qdd: Numbers) -> Motion:
     """The recursion outward.
 
@@ -62,13 +81,9 @@ def motion(arm: Arm, q: Numbers, qd: Numbers, qdd: Numbers) -> Motion:
     w = wd = np.zeros((samples, 3), kind)
     a = np.broadcast_to(-arm.gravity, (samples, 3))
     found = Motion([], [], [], [], [])
-    for i, joint in enumerate(arm.joints):
+    for i, (joint, (rotation, translation)) in enumerate(zip(arm.joints, frames(arm, q), strict=True)):
         turns = joint.kind == "revolute"
         axis = joint.axis
-        rotation = joint.rotation @ _turned(axis, q[:, i]) if turns else _still(joint.rotation, samples)
-        translation = np.broadcast_to(joint.translation, (samples, 3))
-        if not turns:
-            translation = translation + q[:, i, None] * (joint.rotation @ axis)
         carried = a + _cross(wd, translation) + _cross(w, _cross(w, translation))
         w, wd, a = (_into(rotation, vector) for vector in (w, wd, carried))
         speed, rate = qd[:, i, None] * axis, qdd[:, i, None] * axis

@@ -16,6 +16,7 @@ from dtwin.controller.ports import BLOCKS
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import DivergenceError, ParameterError
 from dtwin.parameters import ArmParameters, JointVector, Law, joint_vector
+from dtwin.settings.change import Refused
 from dtwin.simulation.figures import Figures
 from dtwin.simulation.margins.demands import DEMANDS, UNSTABLE, Case, Shortfall
 from dtwin.simulation.margins.loop import lateness, later, linear_loop
@@ -33,10 +34,6 @@ TOLERANCE: Final = 0.9
 are demanded of an arm with effects whose commands are late."""
 WORST_TRACKING: Final[Mapping[Law, float]] = {"computed_torque": 0.3, "row_sum": 0.3, "cascade": 0.2}
 """Largest distance from the path in any motion of the cell, rad; under the cascade 0.5 rad stop the arm."""
-
-
-class Refused(ParameterError):
-    """Reports settings that must not be uploaded; the message is the reason."""
 
 
 class Motion(NamedTuple):
@@ -211,6 +208,21 @@ class Checker:
             spectral_radius=max(case.margins.spectral_radius for case in resting),
             disk_margin=min(case.margins.disk for case in resting),
         )
+
+    def expected_tracking(
+        self,
+        settings: ControlSettings,
+        in_force: ControlSettings,
+        arm: ArmParameters | None = None,
+        late: float = 0.0,
+    ) -> JointVector:
+        """The largest distance of each joint from its path that `check` predicts, rad; on the controller's model of
+        the arm if no other is given.
+
+        Raises:
+            Refused: as of `check`.
+        """
+        return self.check(settings, arm or settings.model, late=late, in_force=in_force).tracking
 
     def predict(
         self,

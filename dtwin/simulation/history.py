@@ -60,5 +60,7 @@ class History(LineFile[Entry]):
         path: path of the file, which is made with the first entry.
     """
 
+    make = Entry
+
     def __init__(self, path: Path) -> None:
         super().__init__(path, Entry, "an entry of the history")

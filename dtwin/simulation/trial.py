@@ -38,6 +38,8 @@ class TrialRules:
         grace: time in which a distance from before the upload, or from late commands, may fall below the bound, s.
         calm: number of consecutive samples within the bounds that show that it has.
         late: number of consecutive samples with a late command after which the distance says nothing of the settings.
+        measured_start: whether paths start at the measured angles, which tells their first samples from all others;
+            otherwise a path begins where it leaves a place at which it has stood.
     """
 
     duration: float = 10.0
@@ -49,6 +51,7 @@ class TrialRules:
     grace: float = 5.0
     calm: int = 50
     late: int = 3
+    measured_start: bool = True
 
 
 class Trial:
@@ -76,6 +79,7 @@ class Trial:
         self._rules = rules
         self.judged_motion = False
         self._path: Values | None = None
+        self._stood = False
         self._moved = False
         self._counts = False
         self._disturbed = False
@@ -83,21 +87,20 @@ class Trial:
         self._late_at = -math.inf
         self._seen = self._calm = self._beyond = self._late = 0
 
-    def observe(self, time: float, path: Values, measured: Values, begins: bool | None = None) -> TrialState:
+    def observe(self, time: float, path: Values, measured: Values) -> TrialState:
         """Judges a sample.
 
         Args:
             time: plant time, s.
             path: desired angles of the path, rad.
             measured: measured angles, rad.
-            begins: whether a path begins here. None where paths start at the measured angles, which tells their
-                first samples from all others.
         """
         self.began, self._since = min(self.began, time), min(self._since, time)
         away = tuple(abs(wanted - found) for wanted, found in zip(path, measured, strict=True))
-        begins = max(away) <= SAME_ANGLE if begins is None else begins
+        begins = max(away) <= SAME_ANGLE if self._rules.measured_start else self._stood and path != self._path
         self._moved = self._moved or (begins and time >= self.began + self._rules.settling - PERIOD / 2)
-        self.judged_motion = self.judged_motion or (self._moved and path == self._path)
+        self._stood = path == self._path
+        self.judged_motion = self.judged_motion or (self._moved and self._stood)
         self._path = path
         limit = 1.0 if self._moved else INTERIM
         over = [distance / bound for distance, bound in zip(away, self.bounds, strict=True)]
@@ -133,8 +136,17 @@ class Trial:
             self._calm = self._beyond = 0
 
     def is_over(self, time: float) -> bool:
-        """Whether it has lasted as long as it may at a plant time (s), whatever was judged."""
-        return time >= self.began + self._rules.longest
+        """Whether it has lasted as long as it may at a plant time (s) with commands that come late."""
+        return self._disturbed and time >= self.began + self._rules.longest
+
+    def ends(self) -> str:
+        """When it ends at the earliest, in words."""
+        least = f"{self.began + self._rules.duration:.2f} s and " if self.began < math.inf else ""
+        return f"{least}the end of a motion"
+
+    def anew(self) -> Trial:
+        """The same trial from its beginning on."""
+        return Trial(self._rules, self.predicted)
 
     def why(self) -> str:
         """Why it failed."""

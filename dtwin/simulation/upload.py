@@ -2,107 +2,75 @@
 
 from __future__ import annotations
 
-import math
+from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, replace
-from typing import Final, Literal
+from typing import Any, Final, Generic, Protocol, TypeVar
 
-from dtwin.controller.ports import LOAD, MODEL, OFFSETS, TUNING
-from dtwin.controller.settings import ControlSettings
-from dtwin.controller.settings_port import SettingsPort
 from dtwin.errors import CommunicationError, ParameterError
-from dtwin.parameters import ArmParameters, Gains, JointVector, joint_vector
-from dtwin.simulation.checks import Checker, ExpectedTracking, Refused
-from dtwin.simulation.history import SELF, Action, Entry, History
+from dtwin.parameters import JointVector
+from dtwin.settings.change import Change, Proposal, Refused, S
+from dtwin.simulation.history import SELF, Action
 from dtwin.simulation.trial import Trial, TrialRules
 
-Kind = Literal["gains", "target", "model", "payload", "offset", ""]
-_GROUP_OF: Final = {"gains": TUNING, "target": TUNING, "model": MODEL, "payload": LOAD, "offset": OFFSETS}
-"""The inputs that are changed together, by the name of the command."""
+LONGEST_TEXT: Final = 1000
+"""Length of a reason or an outcome in a history, characters."""
 
 
-@dataclass(frozen=True, slots=True)
-class Proposal:
-    """Proposes new settings: gains, a target time or both, or a model, or the mass of a box, or encoder offsets.
+class Port(Protocol[S]):
+    """A running controller as uploads see it. Both raise CommunicationError when it does not answer, or refuses."""
 
-    Attributes:
-        who: who wants the new settings.
-        why: reason in the words of that person.
-        based_on: version of the settings that this person has seen.
-        gains: new gains, or None.
-        target_time: new target time, s, or None.
-        model: new model of the arm, or None.
-        payload: new mass of a box, kg, or None.
-        encoder_offset: new offsets of the encoders, rad, or None.
+    def put(self, group: tuple[str, ...], settings: S, who: str, why: str) -> S:
+        """Puts one of the groups of some settings into force; returns all that are in force then."""
 
-    Raises:
-        ParameterError: there is nothing new, or more than one thing, which would be several messages that could not
-            come into force at once.
-    """
+    def read_back(self) -> S:
+        """The settings in force."""
 
-    who: str
-    why: str
-    based_on: int
-    gains: Gains | None = None
-    target_time: float | None = None
-    model: ArmParameters | None = None
-    payload: float | None = None
-    encoder_offset: JointVector | None = None
 
-    def __post_init__(self) -> None:
-        tuned = self.gains is not None or self.target_time is not None
-        alone = (self.model, self.payload, self.encoder_offset)
-        if tuned + sum(value is not None for value in alone) != 1:
-            raise ParameterError(
-                "upload: expected gains, a target time or both, or a model, a payload or encoder offsets alone"
-            )
+class Act(Protocol):
+    """An entry of a history: one action on the settings."""
 
     @property
-    def kind(self) -> Kind:
-        """What is to change, by the name of its command."""
-        if self.model is not None:
-            return "model"
-        if self.payload is not None:
-            return "payload"
-        if self.encoder_offset is not None:
-            return "offset"
-        return "gains" if self.gains is not None else "target"
-
-    def applied(self, settings: ControlSettings) -> ControlSettings:
-        """The given settings with the proposed changes."""
-        changed_settings = changed(settings, self.gains, self.target_time, self.model, self.payload)
-        return replace(
-            changed_settings,
-            encoder_offset=settings.encoder_offset if self.encoder_offset is None else self.encoder_offset,
-        )
+    def version(self) -> int: ...
+    @property
+    def time(self) -> float: ...
+    @property
+    def action(self) -> Action: ...
+    @property
+    def why(self) -> str: ...
+    @property
+    def kind(self) -> str: ...
+    @property
+    def settings(self) -> Any: ...
+    @property
+    def text(self) -> str: ...
+    @property
+    def predicted(self) -> JointVector | None: ...
 
 
-def changed(
-    settings: ControlSettings,
-    gains: Gains | None,
-    target_time: float | None,
-    model: ArmParameters | None,
-    payload: float | None,
-) -> ControlSettings:
-    """The given settings in which every value that is not None is replaced."""
-    return replace(
-        settings,
-        gains=settings.gains if gains is None else gains,
-        target_time=settings.target_time if target_time is None else target_time,
-        model=settings.model if model is None else model,
-        payload=settings.payload if payload is None else payload,
-    )
+E = TypeVar("E", bound=Act)
 
 
-class Uploader:
+class Entries(Protocol[E]):
+    """A history of settings."""
+
+    @property
+    def make(self) -> Callable[..., E]: ...
+    def entries(self) -> list[E]: ...
+    def append(self, *entries: E) -> None: ...
+
+
+class Uploader(Generic[S, E]):
     """Changes the settings of a controller and watches them on trial.
 
     Args:
         port: port through which settings reach the controller.
         history: history of the settings, which is compared with the settings in force.
-        checker: checker that new settings must pass.
+        check: largest distance of each joint from its path that the twin expects of settings beside those in force;
+            raises ParameterError for settings that must not be uploaded.
         rules: rules of the trial.
         time: plant time, s.
+        forgotten: settings with which the controller begins anew, if nobody else gives it those that were in force.
+            A controller that has them has forgotten the others.
 
     Attributes:
         last: newest entry of the history, whose settings are in force.
@@ -115,19 +83,21 @@ class Uploader:
 
     def __init__(
         self,
-        port: SettingsPort,
-        history: History,
-        checker: Checker,
+        port: Port[S],
+        history: Entries[E],
+        check: Callable[[S, S], JointVector],
         rules: TrialRules | None = None,
         time: float = 0.0,
+        forgotten: S | None = None,
     ) -> None:
         self.trial: Trial | None = None
         self._port = port
         self._history = history
-        self._checker = checker
+        self._check = check
         self._rules = rules or TrialRules()
-        self._before: ControlSettings | None = None
-        self._tried: Proposal | None = None
+        self._forgotten = forgotten
+        self._before: S | None = None
+        self._tried: Proposal[S] | None = None
         entries = history.entries()
         found = port.read_back()
         if entries and not entries[-1].settings.differing(found):
@@ -137,84 +107,88 @@ class Uploader:
             self.last = self._found(entries[-1].version + 1 if entries else 1, found, time)
 
     @property
-    def settings(self) -> ControlSettings:
+    def settings(self) -> S:
         """The settings in force."""
-        return self.last.settings
+        settings: S = self.last.settings
+        return settings
 
     @property
     def version(self) -> int:
         """The version of the settings in force."""
         return self.last.version
 
-    def look_again(self, time: float) -> None:
-        """Finds settings that something else has given the controller, and records them; they end a trial.
+    def look_again(self, time: float) -> bool:
+        """Looks whether the controller still has the settings in force.
+
+        Those that it has forgotten are given to it again; a trial begins anew then, since nobody knows since when it
+        has judged others. Those that something else has given it are recorded, and end a trial.
+
+        Returns:
+            whether it had forgotten them.
 
         Raises:
-            CommunicationError: the controller does not answer.
+            CommunicationError: the controller does not answer, or refuses.
         """
-        found = self._port.read_back()
-        if self.settings.differing(found):
-            self.trial = None
-            self.last = self._found(self.version + 1, found, time)
+        found, forgotten = self._port.read_back(), self._forgotten
+        if not self.settings.differing(found):
+            return False
+        lost = Change.towards(self.settings, found)
+        if lost is None or forgotten is None or forgotten.differing(found):
+            self._note(found, time)
+            return False
+        self._send(SELF, f"version {self.version} again", lost, self.settings)
+        if self.trial is not None:
+            self.trial = self.trial.anew()
+        return True
 
-    def upload(self, proposal: Proposal, time: float, arm: ArmParameters | None = None, late: float = 0.0) -> Entry:
+    def upload(self, proposal: Proposal[S], time: float, check: Callable[[S, S], JointVector] | None = None) -> E:
         """Puts new settings into force, on trial.
 
         Args:
             proposal: new settings.
             time: plant time, s.
-            arm: model of the arm for the checks; the controller's model with the proposed changes when None.
-            late: ticks by which commands act later than they did.
+            check: what takes the place of the usual check, such as that of another arm.
 
         Returns:
             The entry of the history, after the settings have been read back from the controller.
 
         Raises:
-            Refused: the settings must not be uploaded; the refusal is in the history.
+            ParameterError: the settings must not be uploaded; the refusal is in the history.
             CommunicationError: the controller does not answer, or has not taken over the settings.
         """
-        settings = proposal.applied(self.settings)
         try:
-            self._refuse_untimely(proposal)
-            prediction = self._checker.check(settings, arm or settings.model, late=late, in_force=self.settings)
-        except Refused as reason:
+            self.refuse_outdated(proposal)
+            settings = proposal.change.apply(self.settings)
+            if self.trial is not None:
+                raise Refused(f"version {self.version} is on trial until {self.trial.ends()}: expected to wait")
+            predicted = (check or self._check)(settings, self.settings)
+        except ParameterError as reason:
             self._record("refuse", proposal, self.settings, time, str(reason))
             raise
         self._before, self._tried = self.settings, proposal
-        self.trial = Trial(self._rules, prediction.tracking)
+        self.trial = Trial(self._rules, predicted)
         # The history comes first: if this process ends now, the next one watches the settings or finds the old ones.
-        entry = self._record("upload", proposal, settings, time, predicted=prediction.tracking)
+        entry = self._record("upload", proposal, settings, time, predicted=predicted)
         try:
-            self._send(settings, proposal.kind)
+            self._send(proposal.who, proposal.why, proposal.change, settings)
         except CommunicationError:
             with suppress(CommunicationError):
-                self.look_again(time)
+                self._note(self._port.read_back(), time)
             raise
         return entry
 
-    def try_out(self, proposal: Proposal, arm: ArmParameters | None = None, late: float = 0.0) -> ExpectedTracking:
-        """What the twin expects of new settings that are not uploaded; they are checked like an upload.
-
-        Args:
-            proposal: new settings.
-            arm: model of the arm for the checks; the controller's model with the proposed changes when None.
-            late: ticks by which commands act later than they did.
-
-        Raises:
-            Refused: the settings must not be uploaded; the history does not tell of it, since nothing was uploaded.
-        """
+    def refuse_outdated(self, proposal: Proposal[S]) -> None:
+        """Refuses what is based on settings that are not in force any more; raises Refused."""
         if proposal.based_on != self.version:
             raise Refused(f"the settings have changed: expected version {self.version}, got {proposal.based_on}")
-        settings = proposal.applied(self.settings)
-        return self._checker.check(settings, arm or settings.model, late=late, in_force=self.settings)
 
-    def observe(self, time: float, path: JointVector, measured: JointVector) -> Entry | None:
+    def observe(self, time: float, path: JointVector, measured: JointVector) -> E | None:
         """Judges a sample while a trial runs.
 
         Args:
             time: plant time, s.
-            path: desired angles, rad.
-            measured: measured angles, rad, from which the trial takes the offsets in force off.
+            path: desired positions, rad or m.
+            measured: measured positions without what the encoders are known to read too much, rad or m.
 
         Returns:
             The entry of the history if this sample ends the trial, otherwise None. The settings are then confirmed or
@@ -226,22 +200,39 @@ class Uploader:
         trial = self.trial
         if trial is None:
             return None
-        offset = self.settings.encoder_offset
-        verdict = trial.observe(time, path, joint_vector(a - b for a, b in zip(measured, offset, strict=True)))
+        verdict = trial.observe(time, path, measured)
         if verdict == "running":
             return None
         if verdict == "failed":
             return self.roll_back(SELF, trial.why(), time)
-        self.look_again(time)
+        if self.look_again(time):
+            return None
         if self.trial is None:
             return self.last
-        self.trial = None
         seen = "tracking was as predicted" if trial.judged_motion else "the arm stood still"
         text = f"{seen} for {time - trial.began:.1f} s"
-        return self._record("confirm", self._tried, self.settings, time, text, measured=joint_vector(trial.measured))
+        entry = self._record("confirm", self._tried, self.settings, time, text, measured=trial.measured)
+        self.trial = None
+        return entry
 
-    def earlier(self, version: int, who: str, why: str, based_on: int) -> Proposal:
-        """A proposal that puts the settings of an earlier version into force again; it is checked like any other.
+    def miss(self, time: float) -> E | None:
+        """Takes note that the command which answers the sample of a plant time (s) came late or never.
+
+        Returns:
+            The entry of the history if this ends the trial: an arm that is stopped obeys nothing, and cannot be
+            judged.
+
+        Raises:
+            CommunicationError: the controller does not take over the old settings.
+        """
+        trial = self.trial
+        if trial is None:
+            return None
+        trial.miss(time)
+        return self.roll_back(SELF, trial.why(), time) if trial.is_over(time) else None
+
+    def earlier(self, version: int) -> Change[S]:
+        """The change that puts the settings of an earlier version into force again; it is checked like any other.
 
         Raises:
             ParameterError: the history has no such version, its settings are in force, or one message cannot change
@@ -250,20 +241,17 @@ class Uploader:
         found = {entry.version: entry.settings for entry in self._history.entries()}
         if version not in found:
             raise ParameterError(f"version {version}: expected one of the history, 1 to {self.version}")
-        wanted = found[version]
-        differing = wanted.differing(self.settings)
-        if not differing:
+        wanted: S = found[version]
+        if not (differing := wanted.differing(self.settings)):
             raise ParameterError(f"version {version}: expected another one, its settings are in force")
-        proposal = _towards(wanted, differing, who, why, based_on)
-        if proposal is not None:
-            return proposal
+        if (change := Change.towards(wanted, self.settings)) is not None:
+            return change
         raise ParameterError(
-            f"version {version}: expected that gains and target time, or the model, the payload or the offsets alone"
-            f" differ from what is in force, got {', '.join(sorted(differing))}: between two messages the controller"
-            " would have a mixture"
+            f"version {version}: expected that {wanted.EXPECTED} differ from what is in force, got"
+            f" {', '.join(sorted(differing))}: between two messages the controller would have a mixture"
         )
 
-    def roll_back(self, who: str, why: str, time: float) -> Entry:
+    def roll_back(self, who: str, why: str, time: float) -> E:
         """Puts the settings before those on trial into force again, without checks, since they were in force.
 
         Raises:
@@ -273,63 +261,55 @@ class Uploader:
         trial, before = self.trial, self._before
         if trial is None or before is None:
             raise Refused("roll back: nothing is on trial")
-        proposal = _towards(before, before.differing(self.settings), who, why, self.version)
-        if proposal is None:
+        change = Change.towards(before, self.settings)
+        if change is None:
             raise Refused(f"roll back: version {self.version} differs in more than one message can change")
-        self._send(before, proposal.kind)
+        self._send(who, why, change, before)
+        # Who asks meanwhile finds no trial that is over without what came of it.
+        proposal = Proposal(who, why, self.version, change)
+        entry = self._record("roll back", proposal, before, time, measured=trial.measured)
         self.trial = None
-        return self._record("roll back", proposal, before, time, measured=joint_vector(trial.measured))
+        return entry
 
-    def _refuse_untimely(self, proposal: Proposal) -> None:
-        if proposal.based_on != self.version:
-            raise Refused(f"the settings have changed: expected version {self.version}, got {proposal.based_on}")
-        if self.trial is not None:
-            end = self.trial.began + self._rules.duration
-            least = f"{end:.2f} s and " if end < math.inf else ""
-            raise Refused(f"version {self.version} is on trial until {least}the end of a motion: expected to wait")
-
-    def _send(self, settings: ControlSettings, kind: Kind) -> None:
-        found = self._port.put(_GROUP_OF[kind], settings)
+    def _send(self, who: str, why: str, change: Change[S], settings: S) -> None:
+        found = self._port.put(change.group, settings, who, why[:LONGEST_TEXT])
         if settings.differing(found):
-            raise CommunicationError(f"the controller has not taken the {kind} it was sent: its settings are others")
+            raise CommunicationError(
+                f"the controller has not taken the {change.kind} it was sent: its settings are others"
+            )
 
     def _record(
         self,
         action: Action,
-        proposal: Proposal | None,
-        settings: ControlSettings,
+        proposal: Proposal[S] | None,
+        settings: S,
         time: float,
         text: str = "",
+        *,
         predicted: JointVector | None = None,
         measured: JointVector | None = None,
-    ) -> Entry:
-        changes = action in ("upload", "roll back")
-        who, why, kind = (proposal.who, proposal.why, proposal.kind) if proposal else (SELF, "", "")
-        self.last = Entry(self.version + changes, time, action, who, why, kind, settings, text, predicted, measured)
+    ) -> E:
+        version = self.version + (action in ("upload", "roll back"))
+        who, why, kind = (proposal.who, proposal.why, proposal.change.kind) if proposal else (SELF, "", "")
+        told = why[:LONGEST_TEXT], kind, settings, text[:LONGEST_TEXT]
+        self.last = self._history.make(version, time, action, who, *told, predicted=predicted, measured=measured)
         self._history.append(self.last)
         return self.last
 
-    def _found(self, version: int, settings: ControlSettings, time: float) -> Entry:
-        entry = Entry(version, time, "start", SELF, "", "", settings, "found in force")
+    def _note(self, found: S, time: float) -> None:
+        """Records settings in force that are others than those of the history; they end a trial."""
+        if self.settings.differing(found):
+            self.trial = None
+            self.last = self._found(self.version + 1, found, time)
+
+    def _found(self, version: int, settings: S, time: float) -> E:
+        entry = self._history.make(version, time, "start", SELF, "", "", settings, "found in force")
         self._history.append(entry)
         return entry
 
-    def _resume_trial(self, entries: list[Entry]) -> None:
+    def _resume_trial(self, entries: list[E]) -> None:
         """Begins a trial anew that the end of an earlier process interrupted."""
         acts = [entry for entry in entries if entry.action != "refuse"]
         if len(acts) > 1 and acts[-1].action == "upload" and acts[-1].predicted is not None:
             self._before = acts[-2].settings
             self.trial = Trial(self._rules, acts[-1].predicted)
-
-
-def _towards(wanted: ControlSettings, differing: set[str], who: str, why: str, based_on: int) -> Proposal | None:
-    """A proposal of settings that differ from those in force in some inputs, None if it takes several messages."""
-    if differing <= set(TUNING):
-        return Proposal(who, why, based_on, wanted.gains, wanted.target_time)
-    if differing <= set(MODEL):
-        return Proposal(who, why, based_on, model=wanted.model)
-    if differing <= set(LOAD):
-        return Proposal(who, why, based_on, payload=wanted.payload)
-    if differing <= set(OFFSETS):
-        return Proposal(who, why, based_on, encoder_offset=wanted.encoder_offset)
-    return None

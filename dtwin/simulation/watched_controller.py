@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from dtwin.controller.embedded import EmbeddedController
+from dtwin.controller.settings import ControlSettings
 from dtwin.parameters import JointVector
 from dtwin.signals import Event, Sensors, Voltages
 from dtwin.simulation.history import Entry
@@ -23,7 +24,7 @@ class WatchedController:
     def __init__(
         self,
         controller: EmbeddedController,
-        uploader: Uploader,
+        uploader: Uploader[ControlSettings, Entry],
         told: Callable[[Entry], None] = lambda entry: None,
     ) -> None:
         self.uploader = uploader
@@ -34,7 +35,8 @@ class WatchedController:
         """The controller's answer to a sample, whose distance from the path is judged while a trial runs."""
         voltages = self._controller.step(sensors)
         if self.uploader.trial is not None:
-            entry = self.uploader.observe(sensors.time, self._controller.target(), sensors.theta)
+            theta = self.uploader.settings.angles(sensors.theta)
+            entry = self.uploader.observe(sensors.time, self._controller.target(), theta)
             if entry is not None:
                 self._told(entry)
         return voltages

@@ -9,6 +9,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, ClassVar, Final
@@ -269,10 +270,14 @@ def answers(file: Path, events: int, seed: int, fault: str, progress: Progress) 
             stations = sorted(set(watch.states[-1][1].set_up.values()))
             found.append(answered(watch, str(generator.choice(stations)), fault))
             watch.until(lambda state: state.set_up == dict(watch.line.assignment), "the work comes back")
-            back = watch.states[-1][1].time
-            watch.until(lambda state, back=back: state.time >= back + SETTLES, "the line settles")  # type: ignore[misc]
+            settled = watch.states[-1][1].time + SETTLES
+            watch.until(partial(_has_come, settled), "the line settles")
             progress(number + 1, events)
     return found
+
+
+def _has_come(time: float, state: PlantState) -> bool:
+    return state.time >= time
 
 
 @dataclass(frozen=True)

@@ -70,6 +70,6 @@ class Figaroh:
     def _equations(self, measurements: Sequence[Measurement]) -> tuple[Array, Array]:
         """figaroh's regressor and the torques, joint after joint."""
         q, v, a, effort = (np.concatenate(part) for part in zip(*filtered(measurements, Filtering()), strict=True))
-        settings = dict.fromkeys(("has_friction", "has_actuator_inertia", "has_joint_offset"), True)
-        settings |= {"is_joint_torques": True, "act_idxv": list(range(q.shape[1]))}  # type: ignore[dict-item]
+        names = ("has_friction", "has_actuator_inertia", "has_joint_offset", "is_joint_torques")
+        settings: dict[str, object] = dict.fromkeys(names, True) | {"act_idxv": list(range(q.shape[1]))}
         return self._of(self._robot, q, v, a, settings), (effort * self._gain).T.ravel()

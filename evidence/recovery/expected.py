@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Final, NamedTuple
 
@@ -20,7 +21,6 @@ from dtwin.recovery.strength import Strength, usual_boxes
 from dtwin.recovery.tuning import BOUND, Ability, search
 from dtwin.simulation.checks import Checker
 from dtwin.simulation.proposal import with_rotors
-from dtwin.simulation.upload import changed
 from dtwin.task import DEFAULT_TASK
 from dtwin.twin.effects import EFFECT_NAMES, NO_EFFECTS, Effects
 from evidence.identification.strangers import truth_of
@@ -86,13 +86,13 @@ def expected_of(
     now = scaled(condition.parameters, "K", condition.supply)
     boxes = usual_boxes(DEFAULT_TASK)
     masses = [condition.payload(mass) for mass in boxes]
+    known = replace(settings, model=with_rotors(now, effects), payload=masses[0])
     reference, strength = _expect(checker, settings, arm, boxes), Strength.of(arm, max(boxes))
 
     def expect(gains: Gains, target_time: float, late: float = 0.0) -> list[PredictedMotion]:
-        known = changed(settings, gains, target_time, with_rotors(now, effects), masses[0])
-        return _expect(checker, known, now, masses, late)
+        tried = replace(known, gains=gains, target_time=target_time)
+        return _expect(checker, tried, now, masses, late)
 
-    known = changed(settings, settings.gains, settings.target_time, with_rotors(now, effects), masses[0])
     try:
         gains = gains_with_margins(known, now, record, 0.0)
         stiffer = stiffer_with_margins(known, now, record, 0.0) if gains == known.gains else (1.0,)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time as wall
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
@@ -23,10 +24,11 @@ from dtwin.parameters import PERIOD, ArmParameters, Gains, JointVector, every_jo
 from dtwin.pictures import COLOURS, RED, legend, new_figure
 from dtwin.run.cell import Cell
 from dtwin.run.settings import CellSettings, sequence_of
+from dtwin.settings.change import Change, Proposal
 from dtwin.signals import BoxCounts
 from dtwin.simulation.checks import Checker
 from dtwin.simulation.history import Entry, History
-from dtwin.simulation.upload import Proposal, Uploader
+from dtwin.simulation.upload import Uploader
 from dtwin.simulation.watched_controller import WatchedController
 from evidence.experiment import ExperimentCommand, OnMachine
 from evidence.report import Picture, Report, make_folder, page, table
@@ -107,20 +109,21 @@ def upload_run(
     control = ControlSettings(gains=NO_GAINS, model=START)
     settings = CellSettings(duration=DURATION, seed=seed, noise=noise, control=control, machine=machine)
     controller = EmbeddedController(control, sequence=sequence_of(settings))
-    uploader = Uploader(EmbeddedPort(controller), History(history), Checker())
+    checker = Checker()
+    uploader = Uploader(EmbeddedPort(controller), History(history), checker.expected_tracking)
     cell = Cell(settings, WatchedController(controller, uploader))
-    planned = {
-        round(GAINS_AT / PERIOD): lambda: Proposal(
-            "operator", "better gains", uploader.version, gains=usual_gains("computed_torque")
-        ),
-        round(MODEL_AT / PERIOD): lambda: Proposal("operator", "identified model", uploader.version, model=model),
+    planned: dict[int, tuple[str, dict[str, Any]]] = {
+        round(GAINS_AT / PERIOD): ("better gains", {"gains": usual_gains("computed_torque")}),
+        round(MODEL_AT / PERIOD): ("identified model", {"model": model}),
     }
     acknowledged = []
 
     def between(done: int) -> bool:
         if done in planned:
             began = wall.perf_counter()
-            uploader.upload(planned[done](), done * PERIOD, model)
+            why, values = planned[done]
+            proposal = Proposal("operator", why, uploader.version, Change.of(ControlSettings, values))
+            uploader.upload(proposal, done * PERIOD, partial(checker.expected_tracking, arm=model))
             acknowledged.append(wall.perf_counter() - began)
         progress(done * PERIOD)
         return True

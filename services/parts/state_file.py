@@ -7,11 +7,10 @@ from pathlib import Path
 from dtwin.bus.codec import MessageError, Reader, encode
 from dtwin.bus.messages import SettingsInForce, SettingsRequest
 from dtwin.controller.device import Settings
-from dtwin.controller.ports import LOAD, MODEL, OFFSETS, TUNING
 from dtwin.controller.settings import Compensation, ControlSettings
 from dtwin.errors import ParameterError, RecordingError
 from dtwin.files import replacing
-from dtwin.parameters import ArmParameters, Gains
+from dtwin.settings.change import Change, asked_of
 
 
 class StateFile:
@@ -99,14 +98,10 @@ def from_message(message: SettingsInForce) -> ControlSettings:
     )
 
 
-def to_request(group: tuple[str, ...], settings: ControlSettings) -> SettingsRequest:
-    """The request that puts one of GROUPS of some settings into force."""
-    return {
-        TUNING: SettingsRequest(settings.gains, settings.target_time),
-        MODEL: SettingsRequest(model=settings.model),
-        LOAD: SettingsRequest(payload=settings.payload),
-        OFFSETS: SettingsRequest(encoder_offset=settings.encoder_offset),
-    }[group]
+def to_request(group: tuple[str, ...], settings: ControlSettings, who: str, why: str) -> SettingsRequest:
+    """The request that puts one of GROUPS of some settings into force; it says not for whom and why."""
+    names = next(names for names, inputs in settings.GROUPS.items() if inputs == group)
+    return SettingsRequest(**{name: getattr(settings, name) for name in names})
 
 
 def changed(settings: Settings, asked: SettingsRequest) -> ControlSettings:
@@ -115,15 +110,5 @@ def changed(settings: Settings, asked: SettingsRequest) -> ControlSettings:
     Raises:
         ParameterError: a value is out of range, or it is not one message that is asked for.
     """
-    match asked:
-        case SettingsRequest(Gains() as gains, float(target_time), None, None, None):
-            return settings.put(TUNING, ControlSettings(target_time, gains))
-        case SettingsRequest(None, None, ArmParameters() as model, None, None):
-            return settings.put(MODEL, ControlSettings(model=model))
-        case SettingsRequest(None, None, None, float(payload), None):
-            return settings.put(LOAD, ControlSettings(payload=payload))
-        case SettingsRequest(None, None, None, None, tuple(offsets)):
-            return settings.put(OFFSETS, ControlSettings(encoder_offset=offsets))
-    raise ParameterError(
-        "settings: expected gains and target time together, or a model, a payload or encoder offsets alone"
-    )
+    change = Change.of(ControlSettings, asked_of(ControlSettings, asked))
+    return settings.put(change.group, change.apply(settings.in_force()))

@@ -52,6 +52,9 @@ def test_gains_of_a_file_bring_their_target_time_unless_another_is_given(tmp_pat
     assert request.gains is not None
     assert (request.gains.kp, request.gains.kd, request.target_time) == ((4.0, 5.0, 6.0), (3.0, 3.0, 3.0), 1.5)
     assert asked(gains=str(file), target_time=2.5).target_time == 2.5
+    assert (request.law, asked(gains=str(file), law="row_sum").law) == (None, "row_sum")
+    file.write_text(file.read_text().replace("{", '{"law": "cascade", ', 1))
+    assert asked(gains=file).law == "cascade"
     file.write_text("{}")
     with pytest.raises(ModelError, match=r"best\.json: expected gains as dtwin optimise saves them"):
         asked(gains=file)

@@ -9,8 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dtwin.bus.chain.messages import JointUploadRequest
 from dtwin.bus.codec import SIZE_LIMIT, MessageError, Reader, encode
 from dtwin.bus.messages import TOPICS, SettingsRequest
+from dtwin.bus.twin_messages import UploadRequest
 from dtwin.controller.settings import usual_gains
 from dtwin.parameters import ArmParameters
 from dtwin.signals import MONITOR, Event, EventKind, Sensors, Voltages
@@ -161,6 +163,9 @@ def test_all_kinds_of_events_are_described_and_unknown_ones_are_passed_on() -> N
         (SettingsRequest, b'{"schema":1,"gains":{"kp":[1,2,3]}}', "ki"),
         (SettingsRequest, b'{"schema":1,"model":{"mass":[0.1,0,0.1]}}', "m2"),
         (SettingsRequest, b'{"schema":1,"target_time":"2"}', "target_time"),
+        (SettingsRequest, b'{"schema":1,"payload":0.2,"pole":9.0}', "unknown field `pole`"),
+        (UploadRequest, b'{"schema":1,"who":"a","why":"b","based_on":1,"payload":0.2,"tuning":{}}', "field `tuning`"),
+        (JointUploadRequest, b'{"schema":1,"who":"a","why":"b","based_on":1,"gains":{}}', "unknown field `gains`"),
     ],
 )
 def test_settings_are_checked_where_they_arrive(message: type, payload: bytes, said: str) -> None:

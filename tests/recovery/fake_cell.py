@@ -37,7 +37,7 @@ from dtwin.bus.twin_messages import (
     Upload,
     UploadRequest,
 )
-from dtwin.controller.settings import USUAL_GAINS
+from dtwin.controller.settings import USUAL_GAINS, ControlSettings
 from dtwin.errors import CommunicationError
 from dtwin.identification.machine.record import MachineRecord
 from dtwin.monitoring.kinds import parse_fault_id
@@ -45,9 +45,9 @@ from dtwin.parameters import ArmParameters
 from dtwin.recovery.desk import Desk
 from dtwin.recovery.measures import Measures
 from dtwin.recovery.operator import Operator
+from dtwin.settings.change import Change, asked_of
 from dtwin.signals import Event
 from dtwin.simulation.checks import MOTIONS
-from dtwin.simulation.upload import Proposal
 
 HEALTHY = ArmParameters()
 TICK = 0.5
@@ -144,12 +144,8 @@ class FakeCell:
             assert not self._now.on_trial
             assert request.based_on == self._now.version
             self.uploads.append(request)
-            changes = {
-                field: getattr(request, field)
-                for field in ("gains", "target_time", "model", "payload", "encoder_offset")
-                if getattr(request, field) is not None
-            }
-            Proposal(request.who, request.why, request.based_on, **changes)  # as the service, of one kind at a time
+            asked = asked_of(ControlSettings, request)
+            changes = Change.of(ControlSettings, asked).values  # as the service, of one kind at a time
             self._before, self._trial = self._now, self.time
             self._now = msgspec.structs.replace(
                 self._now, version=self._now.version + 1, time=self.time, action="upload", on_trial=True, **changes

@@ -240,6 +240,8 @@ def test_the_twin_of_a_running_arm_answers_what_if(desk: Desk, tmp_path: Path) -
     assert "refuse settings by ann: calmer" in history
     assert "version 2  upload settings by ann: calmer" in history
     assert "pole 11 rad/s, observer 100 rad/s, speed 0.8" in history
+    said = desk.run("upload", "gains", "--kp", "1", "2", "3", "--why", "stiffer", status=2)
+    assert "settings: not those of this controller: expected a model, a tuning or both" in said
     assert "--kp: has no meaning for another arm" in desk.run("simulate", "--live", "--kp", "1", "2", "3", status=2)
 
 

@@ -17,7 +17,19 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from dtwin.bus.messages import PATH, PREDICT, ROLL_BACK, SENSORS, SETTINGS, UPLOAD, SettingsInForce, SettingsRequest
+from dtwin.arm.model import ArmTuning
+from dtwin.bus.chain.messages import JointUpload, JointUploadRequest
+from dtwin.bus.messages import (
+    ARM_UPLOAD,
+    PATH,
+    PREDICT,
+    ROLL_BACK,
+    SENSORS,
+    SETTINGS,
+    UPLOAD,
+    SettingsInForce,
+    SettingsRequest,
+)
 from dtwin.bus.messages import Path as PathAngles
 from dtwin.bus.session import Bus
 from dtwin.bus.topics.topic import Topic
@@ -184,6 +196,17 @@ def test_what_is_refused_changes_nothing(cell: Desk, history: History) -> None:
     )
 
 
+def test_settings_of_another_arms_controller_are_refused_by_name(cell: Desk, history: History) -> None:
+    with join("cell") as bus:
+        before, count = now(bus), len(history.entries())
+        asked = JointUploadRequest("bob", "calmer", before.version, tuning=ArmTuning(pole=9.0))
+        with pytest.raises(CommunicationError, match="tuning: not those of this controller: expected gains"):
+            bus.ask(ARM_UPLOAD, asked, JointUpload)
+        assert now(bus) == before
+    assert "settings: not those of this" in cell.run("upload", "arm", "--pole", "9", "--why", "calmer", status=2)
+    assert len(history.entries()) == count
+
+
 def test_nobody_sets_anything_past_the_checks(cell: Desk, history: History) -> None:
     """The bridge takes settings from the services of the cell alone."""
     with join("cell") as bus, cell.join_as_stranger() as stranger:
@@ -348,7 +371,7 @@ class FakeUploader:
 
     trial, last, version = None, None, 1
 
-    def __init__(self, port: object, history: object, checker: FakeChecker) -> None:
+    def __init__(self, checker: FakeChecker) -> None:
         self._noted = checker.noted
 
     def look_again(self, time: float) -> None:
@@ -367,6 +390,9 @@ class FakeChecker:
 
     def load(self) -> None:
         self.noted.append("load")
+
+    def expected_tracking(self, *settings: object) -> None:
+        self.noted.append("check")
 
 
 class FakeService:
@@ -408,8 +434,8 @@ class FakeService:
 def test_an_upload_that_comes_at_once_waits_for_what_it_is_checked_with(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(simulation, "Uploader", FakeUploader)
     checker = FakeChecker()
+    monkeypatch.setattr(simulation, "Uploader", lambda *parts: FakeUploader(checker))
     history = History(tmp_path / "history.jsonl")
     simulation.Simulation(cast(Any, FakeService()), history, cast(Any, checker)).run()
     assert checker.noted == ["load", "upload"]

@@ -18,14 +18,17 @@ from dtwin.equations.rigid import usual_inertia
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.run.arm_cell import ArmCell
 from dtwin.run.chain import run
+from dtwin.services.chain.simulation import RULES
+from dtwin.settings.change import Change, Proposal
 from dtwin.simulation.chain.checks import as_before, check_model, check_settings, expected_tracking
-from dtwin.simulation.chain.history import ArmHistory
-from dtwin.simulation.chain.upload import ArmUploads
+from dtwin.simulation.chain.history import ArmEntry, ArmHistory
+from dtwin.simulation.upload import Uploader
 
 ARM = arm_of("planar-2r")
 SHEET = ArmSettings(ArmModel.of(ARM))
 OTHER = ArmSettings(ArmModel.of(drawn(ARM, 7)), ArmTuning(pole=10.0, speed=0.8))
 EXPECTED = (0.01, 0.02)
+ArmUploads = Uploader[ArmSettings, ArmEntry]
 
 
 class FakeBlocks:
@@ -35,17 +38,24 @@ class FakeBlocks:
         self.settings = SHEET
         self.deaf = False
 
-    def send(self, who: str, why: str, settings: ArmSettings) -> None:
+    def put(self, group: tuple[str, ...], settings: ArmSettings, who: str, why: str) -> ArmSettings:
         if self.deaf:
             raise CommunicationError("no answer")
         self.settings = settings
+        return settings
 
     def read_back(self) -> ArmSettings:
         return self.settings
 
 
 def uploads(path: Path, blocks: FakeBlocks) -> ArmUploads:
-    return ArmUploads(blocks, ArmHistory(path / "history.jsonl"), lambda settings: EXPECTED)
+    history = ArmHistory(path / "history.jsonl")
+    return Uploader(blocks, history, lambda settings, now: EXPECTED, RULES, forgotten=SHEET)
+
+
+def wish(who: str, why: str, based_on: int, wanted: ArmSettings) -> Proposal[ArmSettings]:
+    values = {"model": wanted.model, "tuning": wanted.tuning}
+    return Proposal(who, why, based_on, Change.of(ArmSettings, values))
 
 
 def moved(found: ArmUploads, begin: float, error: float, seconds: float = 20.0) -> list[str]:
@@ -63,7 +73,7 @@ def moved(found: ArmUploads, begin: float, error: float, seconds: float = 20.0) 
 def test_a_model_that_tracks_as_predicted_is_confirmed(tmp_path: Path) -> None:
     blocks = FakeBlocks()
     found = uploads(tmp_path, blocks)
-    entry = found.upload("ann", "identified", 1, OTHER, 5.0)
+    entry = found.upload(wish("ann", "identified", 1, OTHER), 5.0)
     assert (entry.version, entry.predicted, blocks.settings) == (2, EXPECTED, OTHER)
     assert moved(found, 5.0, 0.005) == ["confirm"]
     assert [e.action for e in ArmHistory(tmp_path / "history.jsonl").entries()] == ["start", "upload", "confirm"]
@@ -73,7 +83,7 @@ def test_a_model_that_tracks_as_predicted_is_confirmed(tmp_path: Path) -> None:
 def test_a_model_that_tracks_worse_is_taken_back(tmp_path: Path) -> None:
     blocks = FakeBlocks()
     found = uploads(tmp_path, blocks)
-    found.upload("ann", "wrong", 1, OTHER, 5.0)
+    found.upload(wish("ann", "wrong", 1, OTHER), 5.0)
     assert moved(found, 5.0, 0.2) == ["roll back"]
     assert blocks.settings == SHEET
     assert (found.version, "joint 1 is 0.2 rad from its path" in found.last.why) == (3, True)
@@ -81,7 +91,7 @@ def test_a_model_that_tracks_worse_is_taken_back(tmp_path: Path) -> None:
 
 def test_an_arm_that_stood_still_is_not_said_to_have_tracked(tmp_path: Path) -> None:
     found = uploads(tmp_path, FakeBlocks())
-    found.upload("ann", "identified", 1, OTHER, 5.0)
+    found.upload(wish("ann", "identified", 1, OTHER), 5.0)
     for k in range(4000):
         found.observe(5.0 + k / 100, (1.0, 0.0), (1.005, 0.0))
     assert (found.last.action, found.last.text) == ("confirm", "the arm stood still for 30.0 s")
@@ -90,22 +100,22 @@ def test_an_arm_that_stood_still_is_not_said_to_have_tracked(tmp_path: Path) -> 
 def test_a_trial_begins_anew_where_the_blocks_had_forgotten_the_model(tmp_path: Path) -> None:
     blocks = FakeBlocks()
     found = uploads(tmp_path, blocks)
-    found.upload("ann", "identified", 1, OTHER, 5.0)
+    found.upload(wish("ann", "identified", 1, OTHER), 5.0)
     assert moved(found, 5.0, 0.005, 9.0) == []
     blocks.settings = SHEET  # others have come in their place, and nobody has looked yet
     assert moved(found, 14.0, 0.005, 9.0) == []
-    assert (blocks.settings, found.on_trial) == (OTHER, True)
+    assert (blocks.settings, (found.trial is not None)) == (OTHER, True)
     assert moved(found, 23.0, 0.005) == ["confirm"]
 
 
 def test_late_commands_tell_nothing_of_a_model(tmp_path: Path) -> None:
     blocks = FakeBlocks()
     found = uploads(tmp_path, blocks)
-    found.upload("ann", "identified", 1, OTHER, 5.0)
+    found.upload(wish("ann", "identified", 1, OTHER), 5.0)
     moved(found, 5.0, 0.005, 5.0)
     for k in range(50):
         found.miss(10.0 + k / 100)
-    assert found.on_trial
+    assert found.trial is not None
     assert moved(found, 10.5, 0.005) == ["confirm"]
 
 
@@ -113,11 +123,11 @@ def test_a_trial_of_an_arm_that_obeys_nothing_ends(tmp_path: Path) -> None:
     """One that was stopped before its first sample with the new settings has no sample that could be judged."""
     blocks = FakeBlocks()
     found = uploads(tmp_path, blocks)
-    found.upload("ann", "identified", 1, OTHER, 5.0)
+    found.upload(wish("ann", "identified", 1, OTHER), 5.0)
     entries = [found.miss(10.0 + k / 100) for k in range(3001)]
     assert not any(entries[:3000])
     assert entries[3000] is not None
-    assert (entries[3000].action, blocks.settings, found.on_trial) == ("roll back", SHEET, False)
+    assert (entries[3000].action, blocks.settings, (found.trial is not None)) == ("roll back", SHEET, False)
     assert "could not be judged within 30 s" in entries[3000].why
 
 
@@ -125,14 +135,14 @@ def test_what_must_not_be_uploaded_is_refused_and_noted(tmp_path: Path) -> None:
     blocks = FakeBlocks()
     found = uploads(tmp_path, blocks)
     with pytest.raises(ParameterError, match="expected version 1, got 4"):
-        found.upload("ann", "late", 4, OTHER, 1.0)
-    found.upload("ann", "first", 1, OTHER, 2.0)
+        found.upload(wish("ann", "late", 4, OTHER), 1.0)
+    found.upload(wish("ann", "first", 1, OTHER), 2.0)
     with pytest.raises(ParameterError, match="version 2 is on trial"):
-        found.upload("bob", "second", 2, SHEET, 3.0)
+        found.upload(wish("bob", "second", 2, SHEET), 3.0)
     assert found.roll_back("ann", "by hand", 4.0).version == 3
     with pytest.raises(ParameterError, match="nothing is on trial"):
         found.roll_back("ann", "again", 5.0)
-    assert found.earlier(2) == OTHER
+    assert found.earlier(2).apply(SHEET) == OTHER
     with pytest.raises(ParameterError, match="version 9: expected one of the history, 1 to 3"):
         found.earlier(9)
     actions = [e.action for e in ArmHistory(tmp_path / "history.jsonl").entries()]
@@ -144,21 +154,21 @@ def test_blocks_that_refuse_or_forget_do_not_part_from_the_history(tmp_path: Pat
     found = uploads(tmp_path, blocks)
     blocks.deaf = True
     with pytest.raises(CommunicationError):
-        found.upload("ann", "deaf", 1, OTHER, 1.0)
-    assert (found.settings, found.on_trial) == (SHEET, False)
+        found.upload(wish("ann", "deaf", 1, OTHER), 1.0)
+    assert (found.settings, (found.trial is not None)) == (SHEET, False)
     blocks.deaf = False
-    found.upload("ann", "again", found.version, OTHER, 2.0)
-    assert not found.look_again()
+    found.upload(wish("ann", "again", found.version, OTHER), 2.0)
+    assert not found.look_again(3.0)
     blocks.settings = SHEET  # others are in their place
-    assert found.look_again()
+    assert found.look_again(3.0)
     assert blocks.settings == OTHER
 
 
 def test_a_trial_that_the_end_of_a_process_cut_short_is_taken_up(tmp_path: Path) -> None:
     blocks = FakeBlocks()
-    uploads(tmp_path, blocks).upload("ann", "identified", 1, OTHER, 5.0)
+    uploads(tmp_path, blocks).upload(wish("ann", "identified", 1, OTHER), 5.0)
     again = uploads(tmp_path, blocks)
-    assert (again.version, again.on_trial) == (2, True)
+    assert (again.version, again.trial is not None) == (2, True)
     assert moved(again, 9.0, 0.2) == ["roll back"]
     assert blocks.settings == SHEET
 
@@ -166,16 +176,16 @@ def test_a_trial_that_the_end_of_a_process_cut_short_is_taken_up(tmp_path: Path)
 def test_who_is_refused_meanwhile_ends_no_trial(tmp_path: Path) -> None:
     blocks = FakeBlocks()
     found = uploads(tmp_path, blocks)
-    found.upload("ann", "identified", 1, OTHER, 5.0)
+    found.upload(wish("ann", "identified", 1, OTHER), 5.0)
     for forgets in (False, True):
         with pytest.raises(ParameterError, match="version 2 is on trial"):
-            found.upload("bob", "impatient", 2, SHEET, 6.0)
+            found.upload(wish("bob", "impatient", 2, SHEET), 6.0)
         if forgets:
             blocks.settings = SHEET
-            assert found.look_again()
+            assert found.look_again(3.0)
         else:
             found = uploads(tmp_path, blocks)
-        assert (found.version, found.on_trial) == (2, True)
+        assert (found.version, (found.trial is not None)) == (2, True)
     assert moved(found, 9.0, 0.2) == ["roll back"]
     assert blocks.settings == SHEET
 

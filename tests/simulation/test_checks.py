@@ -10,7 +10,8 @@ import pytest
 from dtwin.controller.motion import MotionController
 from dtwin.controller.settings import USUAL_GAINS, ControlSettings, usual_gains
 from dtwin.parameters import PERIOD, PICKUP, PLACES, ArmParameters, Gains, scaled
-from dtwin.simulation.checks import MOTIONS, TOLERANCE, Checker, Motion, Refused
+from dtwin.settings.change import Refused
+from dtwin.simulation.checks import MOTIONS, TOLERANCE, Checker, Motion
 from dtwin.simulation.margins.demands import DEMANDS, cases
 from dtwin.simulation.margins.poses import places
 from dtwin.simulation.places import angles_of, legs_of

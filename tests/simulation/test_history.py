@@ -83,14 +83,17 @@ from dtwin.controller.embedded import EmbeddedController
 from dtwin.parameters import Gains
 from dtwin.simulation.checks import Checker
 from dtwin.simulation.history import History
+from dtwin.controller.settings import ControlSettings
 from dtwin.controller.settings_port import EmbeddedPort
-from dtwin.simulation.upload import Proposal, Uploader
+from dtwin.settings.change import Change, Proposal
+from dtwin.simulation.upload import Uploader
 
-uploader = Uploader(EmbeddedPort(EmbeddedController()), History(Path(sys.argv[1])), Checker())
+uploader = Uploader(EmbeddedPort(EmbeddedController()), History(Path(sys.argv[1])), Checker().expected_tracking)
 for number in range(1, 100000):
     gain = 200.0 + number % 50
     gains = Gains((gain,) * 3, (gain - 100.0,) * 3, (gain / 100.0,) * 3)
-    uploader.upload(Proposal("loop", "again", uploader.version, gains, gain / 100.0), 0.0)
+    change = Change.of(ControlSettings, {"gains": gains, "target_time": gain / 100.0})
+    uploader.upload(Proposal("loop", "again", uploader.version, change), 0.0)
     uploader.trial = None
     print(number, flush=True)
 """

@@ -4,29 +4,38 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
+from dtwin.arm.model import ArmSettings, ArmTuning
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.controller.ports import MODEL, TUNING
 from dtwin.controller.settings import ControlSettings, usual_gains
 from dtwin.controller.settings_port import EmbeddedPort
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.logs.log import Log
-from dtwin.parameters import ArmParameters, Gains, scaled
+from dtwin.parameters import ArmParameters, Gains, JointVector, scaled
 from dtwin.run.cell import Cell
 from dtwin.run.settings import CellSettings
-from dtwin.simulation.checks import Checker, Refused
-from dtwin.simulation.history import History
+from dtwin.settings.change import Change, Proposal, Refused
+from dtwin.signals import Sensors
+from dtwin.simulation.checks import Checker
+from dtwin.simulation.history import Entry, History
 from dtwin.simulation.trial import Trial, TrialRules
-from dtwin.simulation.upload import Proposal, Uploader
+from dtwin.simulation.upload import Uploader
 from dtwin.simulation.watched_controller import WatchedController
 
 HIGHER = usual_gains("computed_torque", kp=(250.0, 500.0, 350.0))
-Action = Callable[[Uploader, float], object]
+CellUploader = Uploader[ControlSettings, Entry]
+Action = Callable[[CellUploader, float], object]
+
+
+def wish(who: str, why: str, based_on: int, **values: Any) -> Proposal[ControlSettings]:
+    return Proposal(who, why, based_on, Change.of(ControlSettings, values))
 
 
 class UploadingCell:
@@ -37,7 +46,7 @@ class UploadingCell:
         self.port = EmbeddedPort(self.controller)
         self.history = History(folder / "history.jsonl")
         self.checker = checker
-        self.uploader = Uploader(self.port, self.history, checker)
+        self.uploader = Uploader(self.port, self.history, checker.expected_tracking)
 
     def run(self, duration: float, actions: dict[float, Action], arm: ArmParameters | None = None) -> Log:
         """Runs the cell with something done to the uploader at some seconds."""
@@ -64,11 +73,11 @@ def desk(tmp_path: Path, checker: Checker) -> UploadingCell:
 
 
 def gains(values: Gains, who: str = "anna", why: str = "to try") -> Action:
-    return lambda uploader, at: uploader.upload(Proposal(who, why, uploader.version, values), at)
+    return lambda uploader, at: uploader.upload(wish(who, why, uploader.version, gains=values), at)
 
 
 def model(values: ArmParameters) -> Action:
-    return lambda uploader, at: uploader.upload(Proposal("anna", "to try", uploader.version, model=values), at)
+    return lambda uploader, at: uploader.upload(wish("anna", "to try", uploader.version, model=values), at)
 
 
 def test_sending_the_same_again_changes_no_voltage(tmp_path: Path, checker: Checker, desk: UploadingCell) -> None:
@@ -135,7 +144,7 @@ def test_a_model_that_disappoints_is_rolled_back(desk: UploadingCell) -> None:
 def test_a_trial_that_a_crash_cut_short_goes_on(desk: UploadingCell) -> None:
     desk.run(8.0, {7.0: model(scaled(ArmParameters(), "D", 2.5))})
     assert desk.actions() == ["start", "upload"]
-    again = Uploader(desk.port, desk.history, desk.checker)
+    again = Uploader(desk.port, desk.history, desk.checker.expected_tracking)
     assert again.trial is not None
     assert again.version == 2
     assert again.observe(268.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)) is None, "no sample was judged before this one"
@@ -150,14 +159,14 @@ def test_a_trial_that_a_crash_cut_short_goes_on(desk: UploadingCell) -> None:
 def test_refusals_change_nothing_but_the_history(desk: UploadingCell) -> None:
     before = desk.port.read_back()
     refused = [
-        Proposal("bob", "more is better", 1, usual_gains("computed_torque", kp=(5000.0,) * 3)),
-        Proposal("bob", "old", 0, HIGHER),
-        Proposal("bob", "quick", 1, target_time=0.5),
-        Proposal("bob", "light", 1, model=scaled(ArmParameters(), "m", 0.1)),
+        wish("bob", "more is better", 1, gains=usual_gains("computed_torque", kp=(5000.0,) * 3)),
+        wish("bob", "old", 0, gains=HIGHER),
+        wish("bob", "quick", 1, target_time=0.5),
+        wish("bob", "light", 1, model=scaled(ArmParameters(), "m", 0.1)),
     ]
     for proposal in refused:
         with pytest.raises(Refused) as reason:
-            desk.uploader.upload(proposal, 1.0, ArmParameters())
+            desk.uploader.upload(proposal, 1.0, partial(desk.checker.expected_tracking, arm=ArmParameters()))
         last = desk.history.last()
         assert last is not None
         assert (last.action, last.version, last.why, last.text) == ("refuse", 1, proposal.why, str(reason.value))
@@ -166,12 +175,12 @@ def test_refusals_change_nothing_but_the_history(desk: UploadingCell) -> None:
 
 
 def test_one_trial_at_a_time_and_a_roll_back_by_hand(desk: UploadingCell) -> None:
-    desk.uploader.upload(Proposal("anna", "", 1, HIGHER, 2.5), 5.0)
+    desk.uploader.upload(wish("anna", "", 1, gains=HIGHER, target_time=2.5), 5.0)
     with pytest.raises(Refused, match=r"version 2 is on trial until the end of a motion"):
-        desk.uploader.upload(Proposal("bob", "", 2, usual_gains("computed_torque")), 5.0)
+        desk.uploader.upload(wish("bob", "", 2, gains=usual_gains("computed_torque")), 5.0)
     desk.uploader.observe(5.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     with pytest.raises(Refused, match=r"version 2 is on trial until 15\.00 s and the end of a motion"):
-        desk.uploader.upload(Proposal("bob", "", 2, usual_gains("computed_torque")), 6.0)
+        desk.uploader.upload(wish("bob", "", 2, gains=usual_gains("computed_torque")), 6.0)
     entry = desk.uploader.roll_back("bob", "do not like it", 7.0)
     assert (entry.version, entry.who, entry.settings.inputs()) == (3, "bob", ControlSettings().inputs())
     assert desk.port.read_back().inputs() == ControlSettings().inputs()
@@ -185,26 +194,36 @@ def test_one_trial_at_a_time_and_a_roll_back_by_hand(desk: UploadingCell) -> Non
 def test_a_payload_and_offsets_are_uploaded_alone_and_rolled_back(
     desk: UploadingCell, changes: dict[str, Any], kind: str
 ) -> None:
-    entry = desk.uploader.upload(Proposal("anna", "measured", 1, **changes), 5.0)
+    entry = desk.uploader.upload(wish("anna", "measured", 1, **changes), 5.0)
     assert (entry.kind, entry.action) == (kind, "upload")
     assert desk.port.read_back() == replace(ControlSettings(), payload_model="point", **changes)
-    assert not desk.uploader.earlier(1, "bob", "", 2).applied(entry.settings).differing(ControlSettings())
+    assert not desk.uploader.earlier(1).apply(entry.settings).differing(ControlSettings())
     desk.uploader.roll_back("bob", "worse", 7.0)
     assert not desk.port.read_back().differing(ControlSettings())
     with pytest.raises(ParameterError, match="a payload or encoder offsets alone"):
-        Proposal("anna", "", 3, gains=HIGHER, **changes)
+        wish("anna", "", 3, gains=HIGHER, **changes)
 
 
 def test_a_trial_takes_the_offsets_off_what_is_measured(desk: UploadingCell) -> None:
-    desk.uploader.upload(Proposal("anna", "", 1, encoder_offset=(0.0, 0.15, 0.0)), 0.0)
-    ended = None
+    class Led:
+        """Leads the arm to and fro."""
+
+        path = (0.0, 0.0, 0.0)
+
+        def step(self, sensors: Sensors) -> None:
+            pass
+
+        def target(self) -> JointVector:
+            return self.path
+
+    desk.uploader.upload(wish("anna", "", 1, encoder_offset=(0.0, 0.15, 0.0)), 0.0)
+    led = Led()
+    ended: list[Entry] = []
+    watched = WatchedController(cast(Any, led), desk.uploader, ended.append)
     for tick in range(1, 7000):
-        path = (0.0, min(tick, 500) * 1e-3, 0.0)
-        ended = desk.uploader.observe(tick * 0.01, path, (0.0, path[1] + 0.15, 0.0))
-        if ended is not None:
-            break
-    assert ended is not None
-    assert ended.action == "confirm"
+        led.path = (0.0, min(tick, 500) * 1e-3, 0.0)
+        watched.step(Sensors(tick, tick * 0.01, (0.0, led.path[1] + 0.15, 0.0), 0.0, False, ""))
+    assert [entry.action for entry in ended] == ["confirm"]
 
 
 def test_settings_that_others_have_changed_are_noticed(desk: UploadingCell) -> None:
@@ -213,24 +232,24 @@ def test_settings_that_others_have_changed_are_noticed(desk: UploadingCell) -> N
     assert desk.uploader.version == 2
     assert desk.uploader.settings.gains == HIGHER
     with pytest.raises(Refused, match="expected version 2, got 1"):
-        desk.uploader.upload(Proposal("anna", "", 1, usual_gains("computed_torque")), 5.0)
-    again = Uploader(desk.port, desk.history, desk.checker)
+        desk.uploader.upload(wish("anna", "", 1, gains=usual_gains("computed_torque")), 5.0)
+    again = Uploader(desk.port, desk.history, desk.checker.expected_tracking)
     assert again.version == 2
     desk.port.put(TUNING, ControlSettings(3.0, usual_gains("computed_torque")))
-    assert Uploader(desk.port, desk.history, desk.checker).version == 3
+    assert Uploader(desk.port, desk.history, desk.checker.expected_tracking).version == 3
 
 
 def test_a_controller_that_does_not_take_settings_over_is_an_error(desk: UploadingCell) -> None:
     class Deaf:
-        def put(self, group: tuple[str, ...], settings: ControlSettings) -> ControlSettings:
+        def put(self, group: tuple[str, ...], settings: ControlSettings, who: str, why: str) -> ControlSettings:
             return ControlSettings()
 
         def read_back(self) -> ControlSettings:
             return ControlSettings()
 
-    uploader = Uploader(Deaf(), desk.history, desk.checker)
+    uploader = Uploader(Deaf(), desk.history, desk.checker.expected_tracking)
     with pytest.raises(CommunicationError, match="has not taken the gains it was sent"):
-        uploader.upload(Proposal("anna", "", 1, HIGHER), 0.0)
+        uploader.upload(wish("anna", "", 1, gains=HIGHER), 0.0)
     assert uploader.settings == ControlSettings()
     assert uploader.trial is None
     assert desk.actions() == ["start", "upload", "start"]
@@ -241,15 +260,15 @@ def test_an_upload_that_a_crash_cut_short_is_old_or_new(desk: UploadingCell, arr
     class Dying:
         read_back = desk.port.read_back
 
-        def put(self, group: tuple[str, ...], settings: ControlSettings) -> ControlSettings:
+        def put(self, group: tuple[str, ...], settings: ControlSettings, who: str, why: str) -> ControlSettings:
             if arrived:
                 desk.port.put(group, settings)
             raise SystemExit
 
     before = desk.uploader.settings
     with pytest.raises(SystemExit):
-        Uploader(Dying(), desk.history, desk.checker).upload(Proposal("anna", "", 1, HIGHER), 0.0)
-    again = Uploader(desk.port, desk.history, desk.checker)
+        Uploader(Dying(), desk.history, desk.checker.expected_tracking).upload(wish("anna", "", 1, gains=HIGHER), 0.0)
+    again = Uploader(desk.port, desk.history, desk.checker.expected_tracking)
     assert again.settings.gains == (HIGHER if arrived else before.gains)
     assert not again.settings.differing(desk.port.read_back())
     assert (again.trial is not None) == arrived
@@ -270,24 +289,24 @@ def test_what_is_confirmed_is_in_force(desk: UploadingCell) -> None:
 
 
 def test_an_earlier_version_is_an_upload_if_one_message_can_change_all(desk: UploadingCell) -> None:
-    desk.uploader.upload(Proposal("anna", "", 1, HIGHER, 2.5), 0.0)
+    desk.uploader.upload(wish("anna", "", 1, gains=HIGHER, target_time=2.5), 0.0)
     desk.uploader.trial = None
-    proposal = desk.uploader.earlier(1, "bob", "it was better", 2)
-    assert (proposal.gains, proposal.target_time, proposal.model) == (usual_gains("computed_torque"), 2.0, None)
-    entry = desk.uploader.upload(proposal, 1.0)
+    change = desk.uploader.earlier(1)
+    assert change.values == {"gains": usual_gains("computed_torque"), "target_time": 2.0}
+    entry = desk.uploader.upload(Proposal("bob", "it was better", 2, change), 1.0)
     assert (entry.version, entry.action, entry.who, entry.why) == (3, "upload", "bob", "it was better")
     assert not ControlSettings().differing(desk.port.read_back())
     desk.uploader.trial = None
     lighter = scaled(ArmParameters(), "m", 0.99)
-    desk.uploader.upload(Proposal("anna", "", 3, model=lighter), 2.0)
-    assert desk.uploader.earlier(3, "bob", "", 4).model == ArmParameters()
+    desk.uploader.upload(wish("anna", "", 3, model=lighter), 2.0)
+    assert desk.uploader.earlier(3).values == {"model": ArmParameters()}
     for version, reason in (
-        (2, r"version 2: expected that gains and target time, or the model, .* got CONTROLLER\.KP1, CON"),
+        (2, r"version 2: expected that gains, a target time or both, or a model, .* got CONTROLLER\.KP1, CON"),
         (4, "version 4: expected another one, its settings are in force"),
         (5, "version 5: expected one of the history, 1 to 4"),
     ):
         with pytest.raises(ParameterError, match=reason):
-            desk.uploader.earlier(version, "bob", "", 4)
+            desk.uploader.earlier(version)
 
 
 @pytest.mark.parametrize(
@@ -297,7 +316,32 @@ def test_proposals_are_one_message(parts: dict[str, object]) -> None:
     with pytest.raises(
         ParameterError, match="expected gains, a target time or both, or a model, a payload or encoder offsets alone"
     ):
-        Proposal("anna", "", 1, **parts)  # type: ignore[arg-type]  # named by the cases
+        wish("anna", "", 1, **parts)
+
+
+@pytest.mark.parametrize(
+    ("kind", "values", "said"),
+    [
+        (
+            ControlSettings,
+            {"target_time": 2.0, "pole": 9.0},
+            "pole: this controller has none: expected gains, a target",
+        ),
+        (ControlSettings, {"tuning": ArmTuning()}, "tuning: this controller has none"),
+        (ControlSettings, {"law": "cascade"}, "settings: expected gains"),
+        (ArmSettings, {"gains": HIGHER, "payload": 0.1}, "gains, payload: .* expected a model, a tuning or both"),
+    ],
+)
+def test_what_a_controller_has_not_is_refused_by_name(kind: type, values: dict[str, object], said: str) -> None:
+    with pytest.raises(ParameterError, match=said):
+        Change.of(kind, values)
+
+
+def test_gains_of_another_law_are_refused(desk: UploadingCell) -> None:
+    with pytest.raises(Refused, match="expected those of the law in force, computed_torque, got those of cascade"):
+        desk.uploader.upload(wish("bob", "tuned", 1, gains=HIGHER, law="cascade"), 1.0)
+    assert desk.actions() == ["start", "refuse"]
+    assert desk.uploader.upload(wish("bob", "tuned", 1, gains=HIGHER, law="computed_torque"), 1.0).action == "upload"
 
 
 def test_not_a_number_and_wrong_shapes_never_become_settings() -> None:

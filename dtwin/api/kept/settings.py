@@ -6,40 +6,47 @@ import logging
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from dtwin.api.arguments import AnyPath, Texts, pairs
 from dtwin.controller.proposed import SavedTuning, read_tuning
 from dtwin.identification.store import STORE, ModelStore, open_model
-from dtwin.parameters import ArmParameters, CellJoints, Gains
+from dtwin.parameters import ArmParameters, CellJoints, Gains, Law
 
 log = logging.getLogger(__name__)
 
 
 def wished_tuning(
-    gains: Gains | AnyPath | None, given: Mapping[str, CellJoints | None], now: Gains
-) -> SavedTuning | None:
-    """The gains that shall be in force, and the target time that was saved with them.
+    gains: Gains | AnyPath | None,
+    given: Mapping[str, CellJoints | None],
+    now: Gains,
+    law: Law | None,
+    target_time: float | None,
+) -> dict[str, Any]:
+    """The gains and the target time that shall be in force, and the law that the gains are of, as far as given.
 
     Args:
         gains: gains, or the file in which `dtwin optimise` has saved some; None for those in force.
         given: values that take the place of others, by the name of the gain.
         now: the gains in force.
-
-    Returns:
-        None where no gain is given.
+        law: law that the gains are of; None for that of the file.
+        target_time: target time, s; None for that of the file.
 
     Raises:
         ModelError: the file cannot be read.
         ParameterError: a gain is out of range.
     """
     changed = {name: value for name, value in given.items() if value is not None}
-    if gains is None and not changed:
-        return None
-    if gains is None or isinstance(gains, Gains):
-        tuning = SavedTuning(gains=gains or now)
-    else:
-        tuning = read_tuning(Path(gains))
-    return SavedTuning(gains=replace(tuning.gains, **changed), target_time=tuning.target_time)
+    wished: dict[str, Any] = {"law": law, "target_time": target_time}
+    if gains is not None or changed:
+        if gains is None or isinstance(gains, Gains):
+            saved = SavedTuning(gains=gains or now)
+        else:
+            saved = read_tuning(Path(gains))
+        wished["gains"] = replace(saved.gains, **changed)
+        wished["law"] = law or saved.law
+        wished["target_time"] = saved.target_time if target_time is None else target_time
+    return {name: value for name, value in wished.items() if value is not None}
 
 
 def known_arm(model: ArmParameters | AnyPath | None, store: AnyPath | None) -> ArmParameters | None:

@@ -118,7 +118,7 @@ class JointModel(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
     tuning: ArmTuning = ArmTuning()
 
 
-class JointUploadRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
+class JointUploadRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="schema", tag=SCHEMA):
     """Another model, another tuning or both for the running blocks of an arm; what is None stays as it is.
 
     Attributes:

@@ -10,14 +10,14 @@ from dtwin.parameters import JOINTS, ONE_A_JOINT, ArmParameters, CellJoints, Gai
 from dtwin.signals import SCHEMA, Count
 
 
-class SettingsRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
-    """Other settings for the controller's blocks: gains and target time in one tick, a model in one tick, the mass of
-    a box, or offsets of the encoders.
+class SettingsRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="schema", tag=SCHEMA):
+    """Other settings for the controller's blocks: gains, a target time or both in one tick, a model in one tick, the
+    mass of a box, or offsets of the encoders.
 
     The simulation service alone sends it, after its checks; everybody else sends it an UploadRequest.
 
     Attributes:
-        gains: gains of the computed-torque law, together with a target time.
+        gains: gains of the law in force.
         target_time: duration of every motion from the next one on, s.
         model: the arm as the controller shall believe it to be, alone; its Coulomb friction is not compensated.
         payload: mass of a box as the controller shall assume it, kg, alone.
@@ -35,7 +35,7 @@ class SettingsInForce(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEM
     """All settings that the controller's blocks have.
 
     Attributes:
-        gains: gains of the computed-torque law.
+        gains: gains of the law in force.
         target_time: duration of the next motion, s.
         model: the arm as the controller believes it to be.
         law: computed_torque, row_sum or cascade.

@@ -129,7 +129,7 @@ class Optimise(CellFileOption, RuntimeOption, WorkforceOption):
             draw_front(found, self.plot)
         if self.save is not None and not found.best.broken:
             with replacing(self.save) as temporary:
-                content = SavedTuning(target_time=found.best.target_time, gains=found.best.gains)
+                content = SavedTuning(target_time=found.best.target_time, gains=found.best.gains, law=self.law)
                 temporary.write_bytes(msgspec.json.format(msgspec.json.encode(content)) + b"\n")
         if self.json:
             print_json(_report(found))

@@ -97,8 +97,11 @@ class UploadGains(UploadCommand):
     def change(self) -> dict[str, Any]:
         if self.file is not None and self.commissioned is not None:
             raise ParameterError("--commissioned: expected no --file beside it")
-        gains = self.file if self.commissioned is None else read_settings(self.commissioned).gains
-        return {"gains": gains, "kp": self.kp, "ki": self.ki, "kd": self.kd}
+        given = {"kp": self.kp, "ki": self.ki, "kd": self.kd}
+        if self.commissioned is None:
+            return {"gains": self.file, **given}
+        proposed = read_settings(self.commissioned)
+        return {"gains": proposed.gains, "law": proposed.law, **given}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -26,6 +26,7 @@ class ArmEntry(msgspec.Struct, frozen=True, tag_field="schema", tag=1):
         predicted: largest distance of each joint from its path that the twin predicted, rad or m.
         measured: largest distance of each joint from its path in the trial, rad or m.
         tuning: tuning in force afterwards.
+        kind: what was to change: model or tuning.
     """
 
     version: Count
@@ -38,6 +39,26 @@ class ArmEntry(msgspec.Struct, frozen=True, tag_field="schema", tag=1):
     predicted: tuple[float, ...] | None = None
     measured: tuple[float, ...] | None = None
     tuning: ArmTuning = ArmTuning()
+    kind: Word = ""
+
+    @classmethod
+    def of(
+        cls,
+        version: int,
+        time: float,
+        action: Action,
+        who: str,
+        why: str,
+        kind: str,
+        settings: ArmSettings,
+        text: str = "",
+        *,
+        predicted: tuple[float, ...] | None = None,
+        measured: tuple[float, ...] | None = None,
+    ) -> ArmEntry:
+        """An entry with settings, told like those of `dtwin.simulation.history.Entry`."""
+        model, tuning = settings.model, settings.tuning
+        return cls(version, time, action, who, why, model, text, predicted, measured, tuning, kind)
 
     @property
     def settings(self) -> ArmSettings:
@@ -51,6 +72,8 @@ class ArmHistory(LineFile[ArmEntry]):
     Args:
         path: path of the file, which is made with the first entry.
     """
+
+    make = ArmEntry.of
 
     def __init__(self, path: Path) -> None:
         super().__init__(path, ArmEntry, "an entry of the history of an arm's settings")

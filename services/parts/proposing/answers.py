@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from contextlib import AbstractContextManager
 
 from dtwin.bus.messages import DECIDE_PROPOSAL, LOOK, PROPOSE
 from dtwin.bus.proposals.messages import Effect, Look, LookRequest, Proposal, ProposalDecision, ProposalRequest
@@ -14,9 +13,11 @@ from dtwin.controller.bounds import check_model
 from dtwin.controller.settings import ControlSettings
 from dtwin.errors import ParameterError
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters
-from dtwin.simulation.checks import ExpectedTracking, Refused
+from dtwin.services.parts.uploading.uploading import Uploading
+from dtwin.settings.change import Refused
+from dtwin.simulation.checks import Checker, ExpectedTracking
+from dtwin.simulation.history import Entry
 from dtwin.simulation.proposals.book import Book, check_form
-from dtwin.simulation.upload import Proposal as Change
 from dtwin.simulation.upload import Uploader
 
 
@@ -25,11 +26,9 @@ class Proposing:
 
     Args:
         book: the book of proposals.
-        lock: held while the uploader is used.
-        there: gives the uploader, or raises CommunicationError while there is none.
+        uploading: uploads to the controller, whose settings in force proposals are based on.
+        checker: checker of uploads.
         time: gives the plant time, s.
-        change: makes the change that an upload stands for.
-        now: gives the settings in force as they are told.
         tell: tells everybody of a proposal, in words.
         arm: arm of the cell's record, for the checks; None for the controller's model.
     """
@@ -37,20 +36,16 @@ class Proposing:
     def __init__(
         self,
         book: Book,
-        lock: AbstractContextManager[object],
-        there: Callable[[], Uploader],
+        uploading: Uploading[ControlSettings, Entry, Upload],
+        checker: Checker,
         time: Callable[[], float],
-        change: Callable[[Uploader, UploadRequest], Change],
-        now: Callable[[], Upload],
         tell: Callable[[Proposal], None],
         arm: ArmParameters | None,
     ) -> None:
         self._book = book
-        self._lock = lock
-        self._there = there
+        self._uploading = uploading
+        self._checker = checker
         self._time = time
-        self._change = change
-        self._now = now
         self._tell = tell
         self._arm = arm
 
@@ -61,16 +56,16 @@ class Proposing:
         bus.answer(DECIDE_PROPOSAL, ProposalDecision, self._decide)
 
     def _look(self) -> Look:
-        with self._lock:
-            uploader = self._there()
-            return Look(self._now(), self._book.newest(self._time(), uploader.version))
+        with self._uploading.lock:
+            uploader = self._uploading.there()
+            return Look(self._uploading.now(), self._book.newest(self._time(), uploader.version))
 
     def _propose(self, asked: ProposalRequest) -> Proposal:
         check_form(asked)
         if asked.kind == "set-up":
             raise ParameterError("set-up: expected one of a line; this is a cell")
-        with self._lock:
-            uploader = self._there()
+        with self._uploading.lock:
+            uploader = self._uploading.there()
             self._book.make_room(self._time(), uploader.version, asked.who)
             effect = None if asked.change is None else self._effect(uploader, asked.change)
             made = self._book.add(asked, effect, self._time())
@@ -78,32 +73,34 @@ class Proposing:
         return made
 
     def _decide(self, decision: ProposalDecision) -> Proposal:
-        with self._lock:
-            uploader = self._there()
+        with self._uploading.lock:
+            uploader = self._uploading.there()
             decided = self._book.decide(decision, self._time(), uploader.version)
         self._tell(decided)
         return decided
 
-    def _effect(self, uploader: Uploader, asked: UploadRequest) -> Effect:
+    def _effect(self, uploader: Uploader[ControlSettings, Entry], asked: UploadRequest) -> Effect:
         if asked.arm is not None:
             check_model(asked.arm)
-        change, arm = self._change(uploader, asked), asked.arm or self._arm
-        expected = uploader.try_out(change, arm, asked.late)
-        now = self._expected_now(uploader, arm)
+        proposal, arm = self._uploading.proposal(asked), asked.arm or self._arm
+        uploader.refuse_outdated(proposal)
+        now = uploader.settings
+        wished = proposal.change.apply(now)
+        expected = self._checker.check(wished, arm or wished.model, late=asked.late, in_force=now)
+        usual = self._expected_now(now, arm)
         return Effect(
             expected.tracking,
             expected.disk_margin,
             expected.peak_volts,
-            tuple(differences(uploader.settings, change.applied(uploader.settings))),
-            None if now is None else now.tracking,
-            0.0 if now is None else now.disk_margin,
+            tuple(differences(now, wished)),
+            None if usual is None else usual.tracking,
+            0.0 if usual is None else usual.disk_margin,
         )
 
-    def _expected_now(self, uploader: Uploader, arm: ArmParameters | None) -> ExpectedTracking | None:
+    def _expected_now(self, now: ControlSettings, arm: ArmParameters | None) -> ExpectedTracking | None:
         """The same of the settings in force; None where the checks would refuse them."""
-        same = Change("", "", uploader.version, target_time=uploader.settings.target_time)
         try:
-            return uploader.try_out(same, arm)
+            return self._checker.check(now, arm or now.model, in_force=now)
         except Refused:
             return None
 

@@ -1,0 +1,1 @@
+"""What running controllers can be given, whatever arm they control."""
