@@ -64,8 +64,7 @@ class Input:
     text: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class Report:
+class Report(NamedTuple):
     """What a station tells after some ticks.
 
     Attributes:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 from dtwin.bus.line.situation import VehicleNow
 from dtwin.line.line import VehiclePlan
@@ -18,8 +17,7 @@ _STANDING: Final = 1e-6
 """Distance from the end of what was given at which a vehicle stands, m."""
 
 
-@dataclass(frozen=True, slots=True)
-class VehicleCommand:
+class VehicleCommand(NamedTuple):
     """What the control of a vehicle answers to a sample.
 
     Attributes:
@@ -33,8 +31,7 @@ class VehicleCommand:
     slot: int
 
 
-@dataclass(frozen=True, slots=True)
-class VehicleSample:
+class VehicleSample(NamedTuple):
     """What a vehicle tells its control.
 
     Attributes:

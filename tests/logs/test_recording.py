@@ -299,3 +299,16 @@ def test_events_of_older_logs_have_the_names_of_today(tmp_path: Path) -> None:
     run.add_events([Event(0.0, "dropped_arrival", "a red box was turned away"), Event(0.01, "picked", "red")])
     run.freeze().write_parquet(tmp_path / "old.parquet")
     assert [event.kind for event in read_log(tmp_path / "old.parquet").events] == ["turned_away", "picked"]
+
+
+@pytest.mark.parametrize("first", [0, 3, 40])
+def test_the_newest_ticks_are_told_as_in_the_log(first: int) -> None:
+    log = logged(50)
+    log.forget(10)
+    tail, whole = log.tail(first, ("red", "blue")), log.since(first)
+    np.testing.assert_array_equal(tail.target, whole.stack("target"))
+    np.testing.assert_array_equal(tail.measured, whole.stack("measured"))
+    np.testing.assert_array_equal(tail.gripped, whole.columns["box_gripped"])
+    colours = np.where(whole.columns["box_present"], whole.columns["box_colour"], "")
+    np.testing.assert_array_equal(tail.boxes, 1 * (colours == "red") + 2 * (colours == "blue"))
+    assert len(tail.boxes) == 50 - max(first, 10)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import replace
 from typing import Final
 
 from msgspec import UNSET
@@ -74,7 +73,7 @@ class DistantVehicle(Vehicle):
         """What its control is told: it stands only if that is certain."""
         sample = super().sample()
         stands = sample.standing and self._known and not self._driving and not self.orders.has_new
-        return replace(sample, base_end=sample.base_end if self._known else 0, standing=stands)
+        return sample._replace(base_end=sample.base_end if self._known else 0, standing=stands)
 
     def obey(self, command: VehicleCommand) -> None:
         """Takes a command, and writes it into the order."""

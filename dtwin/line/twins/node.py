@@ -17,8 +17,7 @@ from dtwin.line.twins.ability import Boxes, Capability, Trials
 from dtwin.line.twins.rehearsal import AWAY, rehearsed, rehearsed_anew
 from dtwin.line.twins.tried import SETTLED, Tried
 from dtwin.line.twins.work import MeasuredWork
-from dtwin.logs.collecting import RunLog
-from dtwin.logs.log import Log
+from dtwin.logs.collecting import RunLog, Tail
 from dtwin.monitoring.estimation.belief import NOISE_FLOOR, Belief, assumed
 from dtwin.monitoring.kinds import RELATIVE, SUPPLY, arm_state
 from dtwin.monitoring.monitor import Monitor
@@ -234,13 +233,13 @@ class NodeTwin:
             self._adopt(settings, first)
         if self._known or rows == first:
             return []
-        new = log.since(first)
+        new = log.tail(first, self._boxes.places)
         self._measure(new, not stopped and first >= log.forgotten, self._boxes.kind(mass))
         self._busy_since = self._busy_since if arm != FREE and self._busy_since is not None else rows
-        away = np.abs(new.stack("target") - new.stack("measured")).max()
+        away = np.abs(new.target - new.measured).max()
         late = arm != FREE and not stopped and rows - self._busy_since > LATE
         self._tried.note(away, rows - self._from)
-        path = new.stack("target")[-_STANDS:]
+        path = new.target[-_STANDS:]
         self.rests = len(path) == _STANDS and float(np.ptp(path, axis=0).max()) <= _STILL
         if rows > self._from + SETTLED and (away > AWAY or late):
             self._suspected_until = rows + AFTER
@@ -249,22 +248,18 @@ class NodeTwin:
             return []
         if not self._scrutiny.active:
             first = max(self._from, first - BEFORE)
-            new = log.since(first)
-        found = self._scrutiny.look(self._belief, stream(new), first)
+        found = self._scrutiny.look(self._belief, stream(log.since(first)), first)
         for each in found:
             self.capability = self.judged(each)
             self._known = self.capability.ability == "nothing"
         return found
 
-    def _measure(self, new: Log, whole: bool, kind: int) -> None:
+    def _measure(self, new: Tail, whole: bool, kind: int) -> None:
         """Measures how long it works from further ticks, which tell that only if none is missing and it may work."""
         if not whole:
             self._work.interrupt()
             return
-        boxes = np.zeros(len(new.columns["t"]), dtype=np.int64)
-        for number, place in enumerate(self._boxes.places, 1):
-            boxes[new.columns["box_present"] & (new.columns["box_colour"] == place)] = number
-        self._work.follow(zip(boxes.tolist(), new.columns["box_gripped"].tolist(), strict=True), kind)
+        self._work.follow(zip(new.boxes.tolist(), new.gripped.tolist(), strict=True), kind)
 
     def stopped(self, why: str) -> None:
         """The arm was stopped, and nobody knows yet what it can do."""

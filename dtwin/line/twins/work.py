@@ -6,6 +6,7 @@ closed. A box may wait while the arm is still on its way back: then both togethe
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections import defaultdict, deque
 from collections.abc import Iterable, Mapping, Sequence
@@ -26,6 +27,8 @@ _OTHERWISE: Final = 0.05
 """Share by which they do."""
 _IDLE: Final = 2.0
 """Share of the rehearsed way back from which on an arm is taken to have waited for a box."""
+_NEWS: Final = 2
+"""Number of ticks that are alike after which further ones tell nothing new but that time has passed."""
 _PROMPT: Final = 0.05
 """Time by which an arm that was back may grip a box later than usual, s."""
 
@@ -76,22 +79,28 @@ class MeasuredWork:
                 the gripper is closed.
             kind: number of the class of mass of the box that the arm has, or is offered, at their end.
         """
-        for box, grips in ticks:
-            self._ticks += 1
-            if self._gripped is not None:
-                if not grips:
-                    self._carried(self._since(self._gripped))
-                    self._gripped, self._released, self._from = None, self._ticks, self._place
-            elif grips:
-                if self._offered is not None:
-                    self._turned(self._offered)
-                    self._gripped = self._ticks
-                self._offered = self._released = None
-            elif box and self._offered is None:
-                self._offered, self._place = self._ticks, self._places[box - 1]
-            elif not box:
-                self._offered = None
+        for (box, grips), alike in itertools.groupby(ticks):
+            count = len(list(alike))
+            for _ in range(min(count, _NEWS)):
+                self._ticks += 1
+                self._tick(box, grips)
+            self._ticks += max(0, count - _NEWS)
         self._kind = kind
+
+    def _tick(self, box: int, grips: bool) -> None:
+        if self._gripped is not None:
+            if not grips:
+                self._carried(self._since(self._gripped))
+                self._gripped, self._released, self._from = None, self._ticks, self._place
+        elif grips:
+            if self._offered is not None:
+                self._turned(self._offered)
+                self._gripped = self._ticks
+            self._offered = self._released = None
+        elif box and self._offered is None:
+            self._offered, self._place = self._ticks, self._places[box - 1]
+        elif not box:
+            self._offered = None
 
     def _turned(self, offered: int) -> None:
         if self._released is not None:
