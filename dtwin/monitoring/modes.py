@@ -22,12 +22,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.errors import ParameterError, choices
-from dtwin.monitoring.diagnosis import Diagnosis
+from dtwin.monitoring.diagnosis import LEAST, Diagnosis
 from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.estimation.layout import ARM, W
 from dtwin.monitoring.kinds import JUMPS, UNKNOWN, FaultId, parse_fault_id
 from dtwin.monitoring.sensing.stopped import repeating, stands_still
-from dtwin.monitoring.signatures import Limits, SignatureBank, Suspicion
+from dtwin.monitoring.signatures import Limits, SignatureBank
 from dtwin.monitoring.tracking.tracking import Tracking
 from dtwin.monitoring.verdict import OWN as OWN
 from dtwin.monitoring.verdict import Finding
@@ -148,7 +148,7 @@ def suspected(mode: Mode, bank: SignatureBank, warning: float) -> FaultId | None
 
 
 def diagnosing(
-    suspicions: Sequence[Suspicion],
+    least: float,
     stopped: Sequence[int],
     track: Tracking,
     sizes: dict[str, float],
@@ -159,8 +159,8 @@ def diagnosing(
     """The mode in which a diagnosis begins with the last sample.
 
     Args:
-        suspicions: what is suspected; of a joint that stands still only what its motion has told before is a cause
-            beside those of standing still.
+        least: statistic of what is suspected at least; of a joint that stands still only what its motion has told
+            before is a cause beside those of standing still.
         stopped: joints (1 to 3) that stand still, or their encoders do.
         track: the samples.
         sizes, misfit, locked: see `Diagnosis`.
@@ -168,19 +168,36 @@ def diagnosing(
     """
     where = track.readings, track.sample, track.bank
     still, resting = (stands_still(joints, *where) for joints in (stopped, repeating(track.readings)))
-    seen = (suspicions, track.moments, track.sample, sizes, locked, still, resting)
+    seen = (track.bank.suspicions(least), track.moments, track.sample, sizes, locked, still, resting)
     return Diagnosing(Diagnosis(*seen, temper=by.temper, misfit=misfit, charges=by.charges))
 
 
+def overtaken(mode: Diagnosing, track: Tracking, threshold: float) -> bool:
+    """Whether something has come after the alarm of a diagnosis that nothing had come of yet: none of its candidates
+    has that onset, so that it would be given another name or be dismissed.
+
+    Args:
+        mode: the diagnosis.
+        track: the samples, of which the bank has taken in those since the alarm as well.
+        threshold: value of a statistic from which on a change is diagnosed.
+    """
+    diagnosis, bank = mode.diagnosis, track.bank
+    if diagnosis.certain or track.sample <= diagnosis.alarm + LEAST or not bank.exceeds(threshold):
+        return False
+    return bank.suspicions()[0].onset.sample > diagnosis.alarm
+
+
 def statistic(mode: Mode, bank: SignatureBank, threshold: float) -> float:
-    """The strongest evidence of a sudden change, see `Monitor.statistic`."""
+    """The strongest evidence of a sudden change, 2 log likelihood ratio beyond what is allowed for; the threshold
+    while one is diagnosed, 0 while the estimate settles."""
     if isinstance(mode, Diagnosing):
         return threshold
     return 0.0 if isinstance(mode, Settling) else bank.worst()
 
 
 def statistics(mode: Mode, bank: SignatureBank) -> NDArray[np.float64]:
-    """The strongest evidence of a sudden change of each of JUMPS, (18,), see `Monitor.statistics`."""
+    """The strongest evidence of a sudden change of each of JUMPS, (18,), 2 log likelihood ratio; 0 while one is
+    diagnosed, and while the estimate settles."""
     return np.zeros(len(JUMPS)) if isinstance(mode, Diagnosing | Settling) else bank.statistics().max(axis=0)
 
 
