@@ -251,19 +251,28 @@ class Turns:
         self._turns: deque[Turn] = deque(maxlen=LOST)
         self._first, self._lasting = "", False
         self._told: list[FaultId] = []
-        self._explained = 0
+        self._explained, self._earned = 0, 1.0
+        self._doubted: dict[str, float] = {}
 
     @property
     def understood(self) -> bool:
         """Whether the arm has explained its motion since."""
         return not self._first
 
-    def moved(self, mode: Watching | Lost, estimator: Estimator) -> None:
-        """Takes in a sample that nothing is suspected from; while the monitor is lost none explains anything."""
+    def moved(self, mode: Watching | Lost, estimator: Estimator, current: dict[str, Finding]) -> None:
+        """Takes in a sample that nothing is suspected from; while the monitor is lost none explains anything.
+
+        What might have been a consequence, and is among the current findings, by parameter, once the arm as believed
+        with it has explained its motion, is none.
+        """
         if self._first and isinstance(mode, Watching):
             self._explained += _moves(estimator)
             if self._explained >= (_RETURNED if self._lasting else PROVEN):
                 self._first, self._told, self._lasting = "", [], False
+                for name, sure in self._doubted.items():
+                    if name in current:
+                        current[name] = msgspec.structs.replace(current[name], confidence=sure, follows="")
+                self._doubted = {}
 
     def judged(self, found: Finding, faults: Sequence[FaultId]) -> Finding:
         """What a diagnosis has come to, no surer than what may be a consequence can be.
@@ -276,11 +285,15 @@ class Turns:
         again = all(any(fault.same_matter(told) for told in self._told) for fault in (found.fault, *faults))
         if again or not self._first:
             return found
+        self._earned = found.confidence
         return msgspec.structs.replace(found, confidence=min(found.confidence, OWN), follows=self._first)
 
     def tell(self, settled: Sequence[Finding]) -> None:
         """Takes in the findings that a diagnosis has come to."""
         for found in settled:
+            self._doubted.pop(found.parameter, None)
+            if found.follows == self._first != "":
+                self._doubted[found.parameter] = self._earned
             self._first = self._first or found.parameter
             self._lasting = self._lasting or found.fault.about.hypothesis in _LASTING
             # What an unknown cause may be instead has not explained the motion.

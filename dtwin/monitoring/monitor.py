@@ -274,7 +274,7 @@ class Monitor:
                 self._gather(moment.counts)
                 self._doubt_model(mode.after(estimator))
             case Watching() | Lost() as mode:
-                self._turns.moved(mode, estimator)
+                self._turns.moved(mode, estimator, self.findings.current)
                 self.trend.enter(self.time, estimator)
                 self.findings.examine(self.time, estimator).apply(estimator, self.trend)
                 self._gather(moment.counts)

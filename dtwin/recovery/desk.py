@@ -30,9 +30,9 @@ NAME: Final = "operator"
 """Name of the operator in the history and among the events."""
 EXPLAINED: Final = 2.0
 """s after the blocks have stopped the arm in which a finding may come that tells why"""
-LASTS: Final = 10.0
-"""s for which a finding that may be a consequence of another one has to stand until it stops the arm: what came of
-something that the arm has hit, or is not yet understood, is withdrawn by then"""
+LASTS: Final = 20.0
+"""s for which a finding that may be a consequence of another one is left alone: by then the monitor has withdrawn it,
+or takes it for none, because the arm as it is believed with it has explained its motion"""
 _LOOK: Final = 0.1
 """s"""
 Message = Event | MonitoringVerdict | IdentificationState
@@ -264,7 +264,7 @@ class Desk:
             if (payload := self.findings.get(PAYLOAD)) is not None:
                 self.boxes[payload.since] = payload.size
             self._doubt()
-            critical = first_critical(parse_fault_id(name) for name in self.findings if self._lasts(name))
+            critical = first_critical(parse_fault_id(name) for name in self.findings if self.lasts(name))
             if critical is not None and not self.stopped:
                 raise CriticalFinding(self.findings[str(critical)])
             if self.tripped is not None and not self.stopped and self.time >= self.tripped.time + EXPLAINED:
@@ -277,8 +277,8 @@ class Desk:
         ]
         self._doubted = {name: self._doubted.get(name, self.time) for name in doubted}
 
-    def _lasts(self, name: str) -> bool:
-        """Whether a finding is no consequence, has stood for long, or tells why the blocks have stopped the arm."""
+    def lasts(self, name: str) -> bool:
+        """Whether a finding is no consequence, has stood for long, or may tell why the blocks stopped the arm."""
         return self.tripped is not None or self.time >= self._doubted.get(name, -math.inf) + LASTS
 
     def _note_stop(self, event: Event) -> None:

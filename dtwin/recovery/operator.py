@@ -131,8 +131,10 @@ class Operator:
         return {name: unit for name, unit in found.items() if self._dealt.get(name) != unit.detected}
 
     def _answerable(self) -> dict[str, MonitoredUnit]:
-        """Those that ask for no stop: such a one stops the arm as soon as it is no consequence of another."""
-        return {name: unit for name, unit in self._new().items() if _measure(unit) != "stop"}
+        """Those that ask for no stop, which is asked for by itself, and are no consequences of others as far as is
+        known; what changes no model need not wait for that."""
+        new = {name: unit for name, unit in self._new().items() if _measure(unit) != "stop"}
+        return {name: unit for name, unit in new.items() if _measure(unit) in _LASTING or self._desk.lasts(name)}
 
     def _deal(self) -> None:
         """Answers new findings, first all that ask for the measure that comes first."""
