@@ -290,9 +290,10 @@ class Turns:
 
     def tell(self, settled: Sequence[Finding]) -> None:
         """Takes in the findings that a diagnosis has come to."""
+        first = self._first
         for found in settled:
             self._doubted.pop(found.parameter, None)
-            if found.follows == self._first != "":
+            if found.follows == first != "":
                 self._doubted[found.parameter] = self._earned
             self._first = self._first or found.parameter
             self._lasting = self._lasting or found.fault.about.hypothesis in _LASTING

@@ -111,6 +111,17 @@ def test_what_has_ended_meanwhile_is_not_believed(turns: Turns) -> None:
     assert list(current) == ["K2"]
 
 
+def test_what_else_a_joint_shows_whose_motor_was_taken_away_stays_a_consequence() -> None:
+    turns, lost = Turns(), _found("cut3")
+    other = beside(lost, _found("bias3"))
+    turns.tell([lost, other])
+    current = {"cut3": lost, "bias3": other}
+    for _ in range(1500):
+        turns.moved(Watching(), _estimator(0.5), current)
+    assert turns.understood
+    assert current["bias3"] == other
+
+
 @pytest.mark.parametrize(
     ("certain", "since_alarm", "statistic", "onset", "overtaken"),
     [
