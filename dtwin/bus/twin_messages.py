@@ -249,6 +249,7 @@ class MonitoredUnit(msgspec.Struct, frozen=True):
         settled: whether the diagnosis is complete; until then cause and size may still change.
         text: all of that in words.
         others: further causes that the samples do not tell from it, in the notation of faults.
+        follows: finding before it of which it may be a consequence, in the notation of faults; "" for none.
     """
 
     state: UnitState
@@ -262,6 +263,7 @@ class MonitoredUnit(msgspec.Struct, frozen=True):
     settled: bool = False
     text: Line = ""
     others: tuple[Word, ...] = ()
+    follows: Word = ""
 
 
 class MonitoringVerdict(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):

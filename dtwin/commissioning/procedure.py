@@ -85,7 +85,7 @@ def commission(
         )
 
     def calibrated() -> Healthy:
-        found = watched(identification.record, seen, progress).healthy
+        found = watched(weighed(identification.record, load), seen, progress).healthy
         assert found is not None
         return found
 

@@ -22,12 +22,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.errors import ParameterError, choices
-from dtwin.monitoring.diagnosis import Diagnosis
+from dtwin.monitoring.diagnosis import LEAST, Diagnosis
 from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.estimation.layout import ARM, W
 from dtwin.monitoring.kinds import JUMPS, UNKNOWN, FaultId, parse_fault_id
 from dtwin.monitoring.sensing.stopped import repeating, stands_still
-from dtwin.monitoring.signatures import Limits, SignatureBank, Suspicion
+from dtwin.monitoring.signatures import Limits, SignatureBank
 from dtwin.monitoring.tracking.tracking import Tracking
 from dtwin.monitoring.verdict import OWN as OWN
 from dtwin.monitoring.verdict import Finding
@@ -148,7 +148,7 @@ def suspected(mode: Mode, bank: SignatureBank, warning: float) -> FaultId | None
 
 
 def diagnosing(
-    suspicions: Sequence[Suspicion],
+    least: float,
     stopped: Sequence[int],
     track: Tracking,
     sizes: dict[str, float],
@@ -159,8 +159,8 @@ def diagnosing(
     """The mode in which a diagnosis begins with the last sample.
 
     Args:
-        suspicions: what is suspected; of a joint that stands still only what its motion has told before is a cause
-            beside those of standing still.
+        least: statistic of what is suspected at least; of a joint that stands still only what its motion has told
+            before is a cause beside those of standing still.
         stopped: joints (1 to 3) that stand still, or their encoders do.
         track: the samples.
         sizes, misfit, locked: see `Diagnosis`.
@@ -168,19 +168,36 @@ def diagnosing(
     """
     where = track.readings, track.sample, track.bank
     still, resting = (stands_still(joints, *where) for joints in (stopped, repeating(track.readings)))
-    seen = (suspicions, track.moments, track.sample, sizes, locked, still, resting)
+    seen = (track.bank.suspicions(least), track.moments, track.sample, sizes, locked, still, resting)
     return Diagnosing(Diagnosis(*seen, temper=by.temper, misfit=misfit, charges=by.charges))
 
 
+def overtaken(mode: Diagnosing, track: Tracking, threshold: float) -> bool:
+    """Whether something has come after the alarm of a diagnosis that nothing had come of yet: none of its candidates
+    has that onset, so that it would be given another name or be dismissed.
+
+    Args:
+        mode: the diagnosis.
+        track: the samples, of which the bank has taken in those since the alarm as well.
+        threshold: value of a statistic from which on a change is diagnosed.
+    """
+    diagnosis, bank = mode.diagnosis, track.bank
+    if diagnosis.certain or track.sample <= diagnosis.alarm + LEAST or not bank.exceeds(threshold):
+        return False
+    return bank.suspicions()[0].onset.sample > diagnosis.alarm
+
+
 def statistic(mode: Mode, bank: SignatureBank, threshold: float) -> float:
-    """The strongest evidence of a sudden change, see `Monitor.statistic`."""
+    """The strongest evidence of a sudden change, 2 log likelihood ratio beyond what is allowed for; the threshold
+    while one is diagnosed, 0 while the estimate settles."""
     if isinstance(mode, Diagnosing):
         return threshold
     return 0.0 if isinstance(mode, Settling) else bank.worst()
 
 
 def statistics(mode: Mode, bank: SignatureBank) -> NDArray[np.float64]:
-    """The strongest evidence of a sudden change of each of JUMPS, (18,), see `Monitor.statistics`."""
+    """The strongest evidence of a sudden change of each of JUMPS, (18,), 2 log likelihood ratio; 0 while one is
+    diagnosed, and while the estimate settles."""
     return np.zeros(len(JUMPS)) if isinstance(mode, Diagnosing | Settling) else bank.statistics().max(axis=0)
 
 
@@ -234,19 +251,28 @@ class Turns:
         self._turns: deque[Turn] = deque(maxlen=LOST)
         self._first, self._lasting = "", False
         self._told: list[FaultId] = []
-        self._explained = 0
+        self._explained, self._earned = 0, 1.0
+        self._doubted: dict[str, float] = {}
 
     @property
     def understood(self) -> bool:
         """Whether the arm has explained its motion since."""
         return not self._first
 
-    def moved(self, mode: Watching | Lost, estimator: Estimator) -> None:
-        """Takes in a sample that nothing is suspected from; while the monitor is lost none explains anything."""
+    def moved(self, mode: Watching | Lost, estimator: Estimator, current: dict[str, Finding]) -> None:
+        """Takes in a sample that nothing is suspected from; while the monitor is lost none explains anything.
+
+        What might have been a consequence, and is among the current findings, by parameter, once the arm as believed
+        with it has explained its motion, is none.
+        """
         if self._first and isinstance(mode, Watching):
             self._explained += _moves(estimator)
             if self._explained >= (_RETURNED if self._lasting else PROVEN):
                 self._first, self._told, self._lasting = "", [], False
+                for name, sure in self._doubted.items():
+                    if name in current:
+                        current[name] = msgspec.structs.replace(current[name], confidence=sure, follows="")
+                self._doubted = {}
 
     def judged(self, found: Finding, faults: Sequence[FaultId]) -> Finding:
         """What a diagnosis has come to, no surer than what may be a consequence can be.
@@ -259,11 +285,16 @@ class Turns:
         again = all(any(fault.same_matter(told) for told in self._told) for fault in (found.fault, *faults))
         if again or not self._first:
             return found
+        self._earned = found.confidence
         return msgspec.structs.replace(found, confidence=min(found.confidence, OWN), follows=self._first)
 
     def tell(self, settled: Sequence[Finding]) -> None:
         """Takes in the findings that a diagnosis has come to."""
+        first = self._first
         for found in settled:
+            self._doubted.pop(found.parameter, None)
+            if found.follows == first != "":
+                self._doubted[found.parameter] = self._earned
             self._first = self._first or found.parameter
             self._lasting = self._lasting or found.fault.about.hypothesis in _LASTING
             # What an unknown cause may be instead has not explained the motion.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -45,8 +45,7 @@ class Monitor:
     Attributes:
         estimator: the arm as believed now.
         findings: what is wrong now, and all that was noticed.
-        events: everything that was noticed, in order.
-        history: every finding that was settled, in order.
+        events, history: as those of the findings.
         missed: samples that did not arrive.
         trend: course of the parameters over hours.
         restarts: how often the estimate of the motion had to start anew.
@@ -85,7 +84,7 @@ class Monitor:
         """Plant time of the last sample, s."""
         return self.sample * PERIOD
 
-    def update(self, sample: int, measured: Array, volts: Array, gripped: bool, jaw: float = math.nan) -> None:
+    def update(self, sample: int, measured: Array, volts: Array, gripped: bool, jaw: float = np.nan) -> None:
         """Takes in a sample and the command that answered it.
 
         Args:
@@ -140,23 +139,20 @@ class Monitor:
     @property
     def calm(self) -> bool:
         """Whether nothing has begun of which more samples may make an alarm."""
-        return self._watches() and not (
-            self._track.repeating(self.estimator) or self._bank.exceeds(self._limits.warning)
-        )
+        begun = self._track.repeating(self.estimator) or self._bank.exceeds(self._limits.warning)
+        return self._watches() and not begun
 
     def _watches(self) -> bool:
         return isinstance(self._mode, Watching) and self._listening is None and self._probation.passed
 
     @property
     def statistic(self) -> float:
-        """The strongest evidence of a sudden change, 2 log likelihood ratio beyond what is allowed for; the threshold
-        while one is diagnosed, 0 while the estimate settles."""
+        """The strongest evidence of a sudden change beyond what is allowed for, see `modes.statistic`."""
         return modes.statistic(self._mode, self._bank, self.threshold)
 
     @property
     def statistics(self) -> Array:
-        """The strongest evidence of a sudden change of each of JUMPS, (18,), 2 log likelihood ratio; 0 while one is
-        diagnosed, and while the estimate settles."""
+        """The strongest evidence of a sudden change of each of JUMPS, (18,), see `modes.statistics`."""
         return modes.statistics(self._mode, self._bank)
 
     def information(self, since: float) -> Array:
@@ -179,9 +175,8 @@ class Monitor:
         """Takes the state of the arm as it is now to be known: its findings, or one, are struck out.
 
         The estimator keeps what it has learned, so that only a further change is found, and measured from here. Of an
-        unknown cause nothing was learned: it is found again if it shows again. An encoder that has stopped, or a jaw
-        that does not follow, is not reported again until it has worked. A trend counts from here, what is still being
-        diagnosed from where it is settled.
+        unknown cause nothing was learned: it is found again if it shows again. A trend counts from here, what is
+        still being diagnosed from where it is settled. See `Findings.acknowledge`.
 
         Args:
             parameter: name of a finding or forecast, "" for all.
@@ -246,9 +241,8 @@ class Monitor:
 
     def _conclude(self, moment: Moment, regripped: bool) -> None:
         """Does what the mode asks for with a sample that the estimate has taken in."""
-        estimator, used = self.estimator, moment.used
-        likely = moment.likelihood > LEAST_LIKELY
-        if not (likely or isinstance(self._mode, Diagnosing) or np.isfinite(estimator.x).all()):
+        estimator, used, diagnosed = self.estimator, moment.used, isinstance(self._mode, Diagnosing)
+        if not (moment.likelihood > LEAST_LIKELY or diagnosed or np.isfinite(estimator.x).all()):
             self._start_over()
             self.restarts += 1
             self.findings.note(self.time, "restart", "the estimate diverged and starts anew from the model")
@@ -268,7 +262,9 @@ class Monitor:
                     self._gather(moment.counts and left < known)
                 self._mode = Settling(left, known, begun, then) if left else then
                 self._listen(used)
-            case Diagnosing(diagnosis) as mode:
+            case Diagnosing(diagnosis, pending) as mode:
+                if pending is None:
+                    self._gather(moment.counts)
                 diagnosis.update(moment)
                 if not diagnosis.certain and (stopped := self._stopped.open(self._readings, self.findings.known)):
                     diagnosis.stop(stands_still(stopped, self._readings, self.sample, self._bank))
@@ -278,7 +274,7 @@ class Monitor:
                 self._gather(moment.counts)
                 self._doubt_model(mode.after(estimator))
             case Watching() | Lost() as mode:
-                self._turns.moved(mode, estimator)
+                self._turns.moved(mode, estimator, self.findings.current)
                 self.trend.enter(self.time, estimator)
                 self.findings.examine(self.time, estimator).apply(estimator, self.trend)
                 self._gather(moment.counts)
@@ -291,8 +287,7 @@ class Monitor:
         """Judges the noise by the first samples at rest; if it is not as believed, all since is looked at again."""
         if self._listening is None or not self._listening.update(self.estimator, used):
             return
-        if isinstance(self._mode, Settling):
-            self._mode = self._mode.then
+        self._mode = self._mode.then if isinstance(self._mode, Settling) else self._mode
         belief = with_noise(self._belief, self.settings.tuning, self._track.moments, self._listening)
         self._listening = None
         if belief is not self._belief:
@@ -318,10 +313,12 @@ class Monitor:
             self.findings.note(self.time, "misfit", "; ".join(self._misfit.values()))
             self._doubt_model(Unfit())
             return
-        suspicions = self._bank.suspicions(self.threshold if stopped else 0.0)
         self._stopped.ask(stopped)
-        how = (self._limits, self._belief.misfit, bool(self.estimator.locked))
-        self._decide(modes.diagnosing(suspicions, stopped, self._track, self._sizes, *how))
+        self._decide(self._diagnosing(stopped))
+
+    def _diagnosing(self, stopped: Sequence[int]) -> Diagnosing:
+        least, locked = self.threshold if stopped else 0.0, bool(self.estimator.locked)
+        return modes.diagnosing(least, stopped, self._track, self._sizes, self._limits, self._belief.misfit, locked)
 
     def _doubt_model(self, unfit: Unfit) -> None:
         """Starts anew from a model that does not fit when it fails again, and believes it after a while."""
@@ -360,7 +357,11 @@ class Monitor:
         diagnosis, pending = mode.diagnosis, mode.pending
         believed = diagnosis.believed()
         settled = diagnosis.settled(self.sample) and not self.findings.awaited(believed.candidate.fault)
-        if diagnosis.certain or believed.candidate.gain > CERTAIN:
+        failed = diagnosis.certain or believed.candidate.gain > CERTAIN
+        if pending is None and (failed or settled) and modes.overtaken(mode, self._track, self.threshold):
+            self._decide(self._diagnosing([]))
+            return
+        if failed:
             found = self.findings.assess(believed, pending.detected if pending else self.time)
             if pending is None:
                 self._sheet.note(self.findings, self.time, "suspected", found.text())

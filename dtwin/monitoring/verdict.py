@@ -218,6 +218,7 @@ def monitored(found: Finding, state: UnitState = "failed") -> MonitoredUnit:
         found.detected,
         found.settled,
         found.text(),
+        follows=found.follows,
     )
 
 

@@ -19,7 +19,7 @@ from dtwin.bus.twin_messages import (
     UploadRequest,
 )
 from dtwin.errors import CommunicationError
-from dtwin.monitoring.kinds import parse_fault_id
+from dtwin.monitoring.kinds import FREEZE, parse_fault_id
 from dtwin.parameters import ArmParameters, Gains, JointVector
 from dtwin.recovery.answers import first_critical
 from dtwin.signals import RELEASED, ArmState, Event, EventKind
@@ -30,6 +30,9 @@ NAME: Final = "operator"
 """Name of the operator in the history and among the events."""
 EXPLAINED: Final = 2.0
 """s after the blocks have stopped the arm in which a finding may come that tells why"""
+LASTS: Final = 20.0
+"""s for which a finding that may be a consequence of another one is left alone: by then the monitor has withdrawn it,
+or takes it for none, because the arm as it is believed with it has explained its motion"""
 _LOOK: Final = 0.1
 """s"""
 Message = Event | MonitoringVerdict | IdentificationState
@@ -98,6 +101,7 @@ class Desk:
         self.time = 0.0
         self.end = end
         self.findings: dict[str, MonitoredUnit] = {}
+        self._doubted: dict[str, float] = {}
         self.examined: frozenset[int] = frozenset()
         self.boxes: dict[float, float] = {}
         self.stopped = False
@@ -259,11 +263,23 @@ class Desk:
             self.examined = frozenset(fault.joint for fault in open_ones)
             if (payload := self.findings.get(PAYLOAD)) is not None:
                 self.boxes[payload.since] = payload.size
-            critical = first_critical(map(parse_fault_id, self.findings))
+            self._doubt()
+            critical = first_critical(parse_fault_id(name) for name in self.findings if self.lasts(name))
             if critical is not None and not self.stopped:
                 raise CriticalFinding(self.findings[str(critical)])
             if self.tripped is not None and not self.stopped and self.time >= self.tripped.time + EXPLAINED:
                 raise StoppedByController(self.tripped.text)
+
+    def _doubt(self) -> None:
+        """Notes since when findings stand that may be consequences of others; an encoder that has stopped is none."""
+        doubted = [
+            name for name, unit in self.findings.items() if unit.follows and parse_fault_id(name).kind != FREEZE
+        ]
+        self._doubted = {name: self._doubted.get(name, self.time) for name in doubted}
+
+    def lasts(self, name: str) -> bool:
+        """Whether a finding is no consequence, has stood for long, or may tell why the blocks stopped the arm."""
+        return self.tripped is not None or self.time >= self._doubted.get(name, -math.inf) + LASTS
 
     def _note_stop(self, event: Event) -> None:
         """Notes the first event of a stop that the operator did not ask for; a released arm is stopped no more."""

@@ -130,17 +130,23 @@ class Operator:
         found = self._desk.findings
         return {name: unit for name, unit in found.items() if self._dealt.get(name) != unit.detected}
 
+    def _answerable(self) -> dict[str, MonitoredUnit]:
+        """Those that ask for no stop, which is asked for by itself, and are no consequences of others as far as is
+        known; what changes no model need not wait for that."""
+        new = {name: unit for name, unit in self._new().items() if _measure(unit) != "stop"}
+        return {name: unit for name, unit in new.items() if _measure(unit) in _LASTING or self._desk.lasts(name)}
+
     def _deal(self) -> None:
         """Answers new findings, first all that ask for the measure that comes first."""
         desk = self._desk
-        first = {**self._waiting, **self._new()}
+        first = {**self._waiting, **self._answerable()}
         if not first:
             return
         desk.pass_time(SETTLING)
         # A slip is over once the gripper has opened, and a box that has been put down tells of the next ones, however
         # long something else is answered first.
         over = {name: unit for name, unit in first.items() if _measure(unit) in _LASTING}
-        found_now = {**over, **self._new()}
+        found_now = {**over, **self._answerable()}
         kept = [unit for unit in found_now.values() if _kept(unit, self._measures.boxes[0])]
         new = [unit for unit in found_now.values() if unit not in kept]
         for unit in kept:

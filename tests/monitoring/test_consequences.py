@@ -7,10 +7,13 @@ import msgspec
 import numpy as np
 import pytest
 
+from dtwin.monitoring import modes
+from dtwin.monitoring.diagnosis import LEAST
 from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.estimation.layout import SIZE, W
 from dtwin.monitoring.kinds import parse_fault_id
-from dtwin.monitoring.modes import OWN, PROVEN, Lost, Turns, Watching
+from dtwin.monitoring.modes import OWN, PROVEN, Diagnosing, Lost, Turns, Watching
+from dtwin.monitoring.tracking.tracking import Tracking
 from dtwin.monitoring.verdict import Finding, beside, finding
 
 
@@ -71,21 +74,73 @@ def test_what_follows_is_no_first_matter_of_what_comes_after_it(turns: Turns) ->
 
 def test_an_arm_that_has_explained_its_motion_is_understood_again(turns: Turns) -> None:
     for _ in range(PROVEN):
-        turns.moved(Watching(), _estimator(0.0))
-        turns.moved(Lost(_estimator(0.0)), _estimator(0.5))
+        turns.moved(Watching(), _estimator(0.0), {})
+        turns.moved(Lost(_estimator(0.0)), _estimator(0.5), {})
     assert not _understood(turns)
     for _ in range(PROVEN):
-        turns.moved(Watching(), _estimator(0.5))
+        turns.moved(Watching(), _estimator(0.5), {})
     assert _understood(turns)
     assert _judged(turns, "D1") == _found("D1")
 
 
 def test_a_further_finding_has_the_arm_explain_itself_anew(turns: Turns) -> None:
     for _ in range(PROVEN - 1):
-        turns.moved(Watching(), _estimator(0.5))
+        turns.moved(Watching(), _estimator(0.5), {})
     turns.tell([_judged(turns, "D1")])
-    turns.moved(Watching(), _estimator(0.5))
+    turns.moved(Watching(), _estimator(0.5), {})
     assert not _understood(turns)
+
+
+def test_what_the_arm_has_explained_its_motion_with_is_no_consequence(turns: Turns) -> None:
+    """Friction that came with an offset was "40 %, or a consequence" for good, and the arm was stopped for it."""
+    told = _judged(turns, "D1")
+    turns.tell([told])
+    current = {"K2": _found("K2"), "D1": msgspec.structs.replace(told, size=0.1)}
+    for _ in range(PROVEN - 1):
+        turns.moved(Watching(), _estimator(0.5), current)
+    assert current["D1"].follows == "K2"
+    turns.moved(Watching(), _estimator(0.5), current)
+    assert current["D1"] == msgspec.structs.replace(_found("D1"), size=0.1)
+
+
+def test_what_has_ended_meanwhile_is_not_believed(turns: Turns) -> None:
+    turns.tell([_judged(turns, "D1")])
+    current = {"K2": _found("K2")}
+    for _ in range(PROVEN):
+        turns.moved(Watching(), _estimator(0.5), current)
+    assert list(current) == ["K2"]
+
+
+def test_what_else_a_joint_shows_whose_motor_was_taken_away_stays_a_consequence() -> None:
+    turns, lost = Turns(), _found("cut3")
+    other = beside(lost, _found("bias3"))
+    turns.tell([lost, other])
+    current = {"cut3": lost, "bias3": other}
+    for _ in range(1500):
+        turns.moved(Watching(), _estimator(0.5), current)
+    assert turns.understood
+    assert current["bias3"] == other
+
+
+@pytest.mark.parametrize(
+    ("certain", "since_alarm", "statistic", "onset", "overtaken"),
+    [
+        (False, 100, 50.0, 195, True),
+        (True, 100, 50.0, 195, False),
+        (False, LEAST, 50.0, 195, False),
+        (False, 100, 10.0, 195, False),
+        (False, 100, 50.0, 90, False),
+    ],
+)
+def test_what_comes_during_a_diagnosis_of_which_nothing_had_come_is_diagnosed_anew(
+    certain: bool, since_alarm: int, statistic: float, onset: int, overtaken: bool
+) -> None:
+    """A push during one was *unknown* for sure, since no candidate had its onset."""
+    suspicion = SimpleNamespace(onset=SimpleNamespace(sample=onset))
+    bank = SimpleNamespace(exceeds=lambda limit: statistic > limit, suspicions=lambda: [suspicion])
+    diagnosis = SimpleNamespace(certain=certain, alarm=200 - since_alarm)
+    mode, track = SimpleNamespace(diagnosis=diagnosis), SimpleNamespace(bank=bank, sample=200)
+    assert modes.overtaken(cast(Diagnosing, mode), cast(Tracking, track), 20.0) == overtaken
 
 
 @pytest.mark.parametrize(("first", "samples"), [("K2", PROVEN), ("unknown2", 1500), ("cut3", 1500), ("lock1", 1500)])
@@ -94,7 +149,7 @@ def test_what_is_unknown_or_taken_away_is_understood_later(first: str, samples: 
     turns.tell([_found(first)])
     for _ in range(samples):
         assert not _understood(turns)
-        turns.moved(Watching(), _estimator(1.0))
+        turns.moved(Watching(), _estimator(1.0), {})
     assert _understood(turns)
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from dtwin.errors import ParameterError
 from dtwin.logs.log import Log
 from dtwin.monitoring.estimation.belief import Belief, assumed
 from dtwin.monitoring.estimation.bounds import bounds
@@ -96,6 +97,17 @@ def test_a_new_box_has_the_prior_mass_and_an_empty_gripper_none(belief: Belief) 
     assert estimator.deviation("payload") == pytest.approx(Tuning().box_deviation)
     estimator.predict(VOLTS, False)
     assert estimator.x[PAYLOAD] == 0.0 == estimator.deviation("payload")
+
+
+def test_a_box_is_expected_to_weigh_what_boxes_move_like_on_this_arm(belief: Belief) -> None:
+    """The numbers of an arm that was identified without a box may share a factor, which boxes tell."""
+    estimator = Estimator(replace(belief, load=0.9), Tuning())
+    estimator.initialise(STATE[:3], False)
+    estimator.predict(VOLTS, True)
+    assert estimator.x[PAYLOAD] == pytest.approx(0.18)
+    assert estimator.deviation("payload") == pytest.approx(0.9 * Tuning().box_deviation)
+    with pytest.raises(ParameterError, match="load: expected a share above 0, got 0"):
+        replace(belief, load=0.0)
 
 
 @pytest.mark.parametrize("joint", [1, 2, 3])

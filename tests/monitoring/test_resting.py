@@ -10,6 +10,7 @@ def test_only_the_first_samples_at_rest_are_news() -> None:
     told = [resting.update(place + 1e-3 * (-1) ** k) for k in range(3 * NEWS)]
     assert told.index(True) == NEWS
     assert all(told[NEWS:])
+    assert resting.idle == 2 * NEWS
 
 
 def test_a_joint_that_moves_is_news_again() -> None:

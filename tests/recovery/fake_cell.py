@@ -63,6 +63,7 @@ class FakeCell:
         found: findings that stand from a plant time (s) on, by what they name: time, size and deviation.
         noticed: when findings were noticed, if it was not when they began, s.
         confidence: confidence in what is found.
+        follows: what findings may be consequences of, by what they name.
         open: names of what the monitor is still finding out.
         refits: what identification will find, by parameter.
         changing: changes what is found, whenever time has passed.
@@ -79,6 +80,7 @@ class FakeCell:
         self.found: dict[str, tuple[float, float, float]] = {}
         self.noticed: dict[str, float] = {}
         self.confidence = 1.0
+        self.follows: dict[str, str] = {}
         self.open: list[str] = []
         self.refits: dict[str, float] = {}
         self.changing: Callable[[], None] = lambda: None
@@ -112,9 +114,8 @@ class FakeCell:
             if since <= self.time:
                 fault = parse_fault_id(name)
                 noticed = self.noticed.get(name, since)
-                unit = MonitoredUnit(
-                    "failed", fault.about.cause, name, size, deviation, self.confidence, since, noticed, True, name
-                )
+                how = (size, deviation, self.confidence, since, noticed, True, name)
+                unit = MonitoredUnit("failed", fault.about.cause, name, *how, follows=self.follows.get(name, ""))
                 units[UNITS[fault.joint - 1]] = unit
                 findings.append(unit)
         findings += [MonitoredUnit("may be degrading", parameter=name) for name in self.open]

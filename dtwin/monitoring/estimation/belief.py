@@ -124,6 +124,7 @@ class Belief:
         rates: rates at which parameters were seen to change while the arm was healthy, as shares, 1/s, by name;
             earlier and later ones.
         courses: changes between which parameters lie while the healthy arm warms, as shares, by name.
+        load: mass with which a box moves on an arm of these numbers, as a share of the mass that it has.
         sheet: whether these are the numbers of a data sheet, which nobody has held against this arm.
 
     Raises:
@@ -142,6 +143,7 @@ class Belief:
     misfit: float = 2.0
     rates: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     courses: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    load: float = 1.0
     sheet: bool = False
 
     def __post_init__(self) -> None:
@@ -156,6 +158,8 @@ class Belief:
             raise ParameterError(f"noise: expected at least 0 rad, got {self.noise}")
         if not min(self.clip) > 0:
             raise ParameterError(f"clip: expected numbers above 0, got {self.clip}")
+        if not 0.0 < self.load < math.inf:
+            raise ParameterError(f"load: expected a share above 0, got {self.load}")
 
     def walk(self, name: str) -> float:
         """Standard deviation, as a share, that a parameter gains in one second by such change: that of a random walk
@@ -226,11 +230,11 @@ def commissioned(record: MachineRecord) -> Belief:
     """
     names = [name for name in LEARNED if name in ARM_NAMES]
     known, effects = record.healthy, record.effects
-    timing = TIMING if max(effects.delay, *effects.lag) > 0.0 else 0.0
+    timing, load = TIMING if max(effects.delay, *effects.lag) > 0.0 else 0.0, record.load or 1.0
     if known is None:
         deviations = {name: record.numbers[name].deviation for name in names}
         error = Unmodelled(timing=timing)
-        return Belief(record.arm, _uncertain(deviations), record.encoders, effects=effects, error=error)
+        return Belief(record.arm, _uncertain(deviations), record.encoders, effects=effects, error=error, load=load)
     bias1, bias2, bias3 = (known.learned[f"bias{joint}"] for joint in (1, 2, 3))
     return Belief(
         record.arm.with_values({name: known.learned[name].value for name in names}),
@@ -253,6 +257,7 @@ def commissioned(record: MachineRecord) -> Belief:
         misfit=known.misfit,
         rates=known.rates,
         courses=courses(known.rates, known.duration),
+        load=load,
     )
 
 

@@ -100,7 +100,8 @@ class Estimator:
         numbers["sine"], numbers["cosine"] = self._motion.sine, self._motion.cosine
         self._least[:], self._most[:] = bounds(arm, self._motion.arrays(False).rigid)
         numbers["lower"], numbers["upper"] = widened(self._least, self._most)
-        self.box_mass, self.payload_variance = tuning.box_mass, tuning.box_deviation**2
+        self.box_mass = self.payload_variance = 0.0
+        self.expect_boxes()
         self.x[ARM:PAYLOAD] = [arm.get(name) for name in ARM_NAMES]
         self.P[ARM:PAYLOAD, ARM:PAYLOAD] = belief.covariance
         self.x[BIAS:DRIFT] = belief.offset
@@ -281,8 +282,9 @@ class Estimator:
             self.handling[:] = HANDLING, TOUCHING, np.nan, np.nan, np.nan
 
     def expect_boxes(self) -> None:
-        """Takes the next boxes to be as boxes should be."""
-        self.box_mass, self.payload_variance = self.tuning.box_mass, self.tuning.box_deviation**2
+        """Takes the next boxes to be as boxes should be, and to move as they do on this arm."""
+        load, tuning = self.belief.load, self.tuning
+        self.box_mass, self.payload_variance = load * tuning.box_mass, (load * tuning.box_deviation) ** 2
 
     def remember(self, name: str) -> None:
         """Keeps what a state is now, to tell its change later; of a box, without one, what boxes are."""

@@ -16,9 +16,14 @@ _AWAY: Final = 4e-3
 
 
 class Resting:
-    """Whether all joints have rested for longer than their samples tell anything new."""
+    """Whether all joints have rested for longer than their samples tell anything new.
+
+    Attributes:
+        idle: number of the samples that told nothing new.
+    """
 
     def __init__(self) -> None:
+        self.idle = 0
         self._place, self._since = np.full(3, np.inf), 0
 
     def update(self, measured: Array) -> bool:
@@ -26,4 +31,6 @@ class Resting:
         moved = not bool((np.abs(measured - self._place) <= _AWAY).all())
         self._place = measured.copy() if moved else self._place
         self._since = 0 if moved else self._since + 1
-        return self._since >= NEWS
+        rests = self._since >= NEWS
+        self.idle += rests
+        return rests
