@@ -16,6 +16,8 @@ import numpy as np
 from dtwin.arm.adjustment import Adjustment
 from dtwin.arm.chain import Arm, Array
 from dtwin.arm.effort import ahead
+from dtwin.arm.samples import Samples
+from dtwin.monitoring.chain.carrying import Holding
 from dtwin.monitoring.chain.expected import EVERY, WINDOW, Expected, filtered
 from dtwin.monitoring.chain.finding import ChainFinding
 from dtwin.monitoring.chain.gathering import NOTHING, Evidence, Gathered
@@ -87,6 +89,8 @@ class Drives:
         alike: how many times larger likelihood ratios of healthy samples are than of white noise.
         names: the causes.
         least: least sizes of them that are told, (c,).
+        carries: whether commands are judged while something is held, beside what its load explains: where the healthy
+            stretch has shown what they are then.
         alarm: the first evidence; None while there is none.
     """
 
@@ -98,32 +102,29 @@ class Drives:
             "load",
             *(f"{kind}{j + 1}" for j in range(n) for kind in ("K", "friction", "bias", "push")),
         )
-        self._rows = Gathered(arm, self.expected, self.names)
+        self._rows, self._holding = Gathered(arm, self.expected, self.names), Holding(arm.period)
         self._learned, self._most = 0, list[Array]()
         self.least = np.array([_least(arm, name) for name in self.names])
         self._largest = np.array([MOST.get(name.rstrip("0123456789"), _UNSEEN) for name in self.names])
-        self.bounds, self.alike = list[tuple[int, Array]](), 1.0
+        self.bounds, self.alike, self.carries = list[tuple[int, Array]](), 1.0, False
         self._count = self._first = 0
         self.alarm: Alarm | None = None
 
-    def recall(self, bounds: Sequence[tuple[int, Array]], alike: float) -> None:
+    def recall(self, bounds: Sequence[tuple[int, Array]], alike: float, carries: bool) -> None:
         """Takes what an earlier healthy stretch has shown: see the attributes."""
-        self.bounds, self.alike = list(bounds), alike
+        self.bounds, self.alike, self.carries = list(bounds), alike, carries
 
-    def learn(self, t: Array, q: Array, effort: Array) -> None:
-        """Learns from a healthy stretch.
-
-        Args:
-            t: times of the samples, (N,), s.
-            q: what the encoders read, (N, n), rad or m.
-            effort: what acts at the samples, (N, n), in the units of the drives.
+    def learn(self, healthy: Samples) -> None:
+        """Learns from the samples of a healthy stretch.
 
         Raises:
             RecordingError: it is shorter than the filter.
         """
-        learned = filtered(self._arm, t, q, effort)
+        effort, held = self._holding.follow(healthy.effort, healthy.acting)
+        learned = filtered(self._arm, healthy.t, healthy.q, effort, held)
+        self.carries = bool((learned.known & (learned.held > 0)).any())
         self.expected.learn(learned)
-        self._rows.learned(learned, t, q, effort)
+        self._rows.learned(learned, healthy.t, healthy.q, effort, held)
         evidence = self._rows.evidence()
         for window in WINDOWS:
             healthy = evidence.over(window)[0][window:-1]
@@ -136,6 +137,7 @@ class Drives:
     def forget(self) -> None:
         """Begins a new stretch after samples that nobody knows."""
         self._rows.forget()
+        self._holding.forget()
         self._first = self._count
 
     def resume(self, adjustment: Adjustment | None) -> None:
@@ -154,15 +156,10 @@ class Drives:
         self._learned = self._count + self._after(time)
         self._most = [np.zeros(len(self.names)) for _ in self.bounds]
 
-    def follow(self, t: Array, q: Array, effort: Array) -> ChainFinding | None:
-        """Takes further samples; the cause once there is evidence and SOON has passed since, and again after LATER.
-
-        Args:
-            t: times, (N,), s.
-            q: what the encoders read, (N, n).
-            effort: what acts at the samples, (N, n).
-        """
-        made = self._rows.follow(t, q, effort)
+    def follow(self, new: Samples) -> ChainFinding | None:
+        """Takes further samples; the cause once there is evidence and SOON has passed since, and again after LATER."""
+        effort, held = self._holding.follow(new.effort, new.acting)
+        made = self._rows.follow(new.t, new.q, effort if self.carries else new.effort, held)
         if not made:
             return None
         self._count += made
