@@ -194,7 +194,8 @@ def arm_faults_report(result: ArmFaults) -> Report:
     """The page for people."""
     figures = arm_faults_figures(result)
     rows = [
-        f"| fault | trials | noticed within {SOON:g} s of motion | within {SOON:g} s | named first | among those named | median delay, s |",
+        f"| fault | trials | noticed within {SOON:g} s of motion | of time | named first | among those named "
+        "| median delay, s |",
         "|---|---|---|---|---|---|---|",
     ]
     for kind, found in figures["kinds"].items():

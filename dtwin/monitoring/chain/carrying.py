@@ -1,4 +1,4 @@
-"""What the gripper holds, sample by sample: a load that nobody has weighed, from when it has closed until it opens."""
+"""What the gripper holds, sample by sample: a load that nobody has weighed, until the gripper opens."""
 
 from __future__ import annotations
 

@@ -20,7 +20,8 @@ from dtwin.arm.samples import Samples
 from dtwin.monitoring.chain.carrying import Holding
 from dtwin.monitoring.chain.expected import EVERY, WINDOW, Expected, filtered
 from dtwin.monitoring.chain.finding import ChainFinding
-from dtwin.monitoring.chain.gathering import NOTHING, Evidence, Gathered
+from dtwin.monitoring.chain.gathering import Evidence, Gathered
+from dtwin.monitoring.chain.unknown import NOTHING
 
 WINDOWS: Final = (10, 20, 40, 80, 160)
 """Lengths over which evidence is gathered, in filtered samples: 0.5 to 8 s at 100 Hz."""
@@ -114,17 +115,17 @@ class Drives:
         """Takes what an earlier healthy stretch has shown: see the attributes."""
         self.bounds, self.alike, self.carries = list(bounds), alike, carries
 
-    def learn(self, healthy: Samples) -> None:
+    def learn(self, samples: Samples) -> None:
         """Learns from the samples of a healthy stretch.
 
         Raises:
             RecordingError: it is shorter than the filter.
         """
-        effort, held = self._holding.follow(healthy.effort, healthy.acting)
-        learned = filtered(self._arm, healthy.t, healthy.q, effort, held)
+        effort, held = self._holding.follow(samples.effort, samples.acting)
+        learned = filtered(self._arm, samples.t, samples.q, effort, held)
         self.carries = bool((learned.known & (learned.held > 0)).any())
         self.expected.learn(learned)
-        self._rows.learned(learned, healthy.t, healthy.q, effort, held)
+        self._rows.learned(learned, samples.t, samples.q, effort, held)
         evidence = self._rows.evidence()
         for window in WINDOWS:
             healthy = evidence.over(window)[0][window:-1]
@@ -157,7 +158,7 @@ class Drives:
         self._most = [np.zeros(len(self.names)) for _ in self.bounds]
 
     def follow(self, new: Samples) -> ChainFinding | None:
-        """Takes further samples; the cause once there is evidence and SOON has passed since, and again after LATER."""
+        """Takes further samples; the cause once SOON has passed since the first evidence, and again after LATER."""
         effort, held = self._holding.follow(new.effort, new.acting)
         made = self._rows.follow(new.t, new.q, effort if self.carries else new.effort, held)
         if not made:
@@ -174,8 +175,9 @@ class Drives:
     def visible(self) -> dict[str, float]:
         """Least size of every cause that the last seconds would have shown; inf where nothing would have."""
         found = np.full(len(self.names), np.inf)
-        for window, bound in self.bounds:
-            found = np.minimum(found, np.sqrt(bound / np.maximum(self._rows.power(window), NOTHING)))
+        powers = self._rows.power([window for window, _ in self.bounds])
+        for (_, bound), power in zip(self.bounds, powers, strict=True):
+            found = np.minimum(found, np.sqrt(bound / np.maximum(power, NOTHING)))
         sizes = np.where(found < self._largest, np.maximum(found, self.least), np.inf)
         sizes *= [self._unit(name) for name in self.names]
         return dict(zip(self.names, sizes.tolist(), strict=True))
@@ -277,7 +279,7 @@ def named(evidence: Evidence, first: int, alarm: int, last: int, alike: float, t
         best = ratio.argmax(axis=0), np.arange(len(pushes))
         better = ratio[best] > odds
         odds, sizes = np.where(better, ratio[best], odds), np.where(better, size[best], sizes)
-    left = float(evidence.energy[last, 0] - evidence.energy[first, 0]) - odds.max()
+    left = evidence.energy(first, last) - odds.max()
     spread = alike * max(1.0, left / ((last - first) * evidence.columns.shape[1]))
     prior = np.array([_likely(name, float(size)) for name, size in zip(evidence.names, sizes, strict=True)])
     with np.errstate(divide="ignore"):  # what cannot be, such as a drive that lost more than all, is never named

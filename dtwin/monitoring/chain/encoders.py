@@ -133,7 +133,7 @@ class Encoders:
         return min(self._stays(t, q, target, new, pressed), key=lambda each: each.time, default=None)
 
     def repeated(self, t: Array, q: Array, new: int) -> ChainFinding | None:
-        """The first reading that is one of the last `new` ones, and repeats itself more often than its noise ever does.
+        """The first of the last `new` readings that repeats itself more often than its noise ever does.
 
         That is so of encoders alone whose noise the data sheet tells, in every place, and whose healthy readings have
         shown it. See `jump`.
@@ -230,7 +230,9 @@ def _near(steps: Array, noise: float, led: Array) -> Array:
 def _turns(q: Array, steps: Array, noise: float) -> NDArray[np.intp]:
     """How often readings, (N, n), turn round by what noise does and motion does not, (n,)."""
     way = np.diff(q, axis=0)
-    found: NDArray[np.intp] = ((way[1:] * way[:-1] < 0.0) & (np.abs(way[1:]) >= np.maximum(2.0 * steps, noise))).sum(0)
+    found: NDArray[np.intp] = ((way[1:] * way[:-1] < 0.0) & (np.abs(way[1:]) >= np.maximum(2.0 * steps, noise))).sum(
+        0
+    )
     return found
 
 

@@ -21,48 +21,65 @@ _LEFT: Final = 1e-6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Evidence:
-    """What the samples say of every cause, from the beginning on: sums with a row of zeros before, (N + 1, c).
+    """What the samples say of every cause, from the beginning on: sums with a row of zeros before, (N + 1, c + 1).
+
+    The last one of what counts as a cause is the innovation itself.
 
     Attributes:
         names: the causes.
         along: product of innovation and what a unit of the cause adds.
         power: square of what it adds.
-        energy: square of the innovation, (N + 1, 1).
-        columns: what a unit of each cause adds to a sample, (N, n, c).
-        shared: what unknown loads explain of it; None where nothing is held.
+        columns: what a unit of each cause adds to a sample, (N, n, c + 1).
+        part: what a unit of an unknown load adds, (N, n).
+        starts: first rows of stretches with one load each.
+        shared: what these loads explain; None where nothing is held.
     """
 
     names: tuple[str, ...]
     along: Array
     power: Array
-    energy: Array
     columns: Array
+    part: Array
+    starts: Indices
     shared: Shared | None
 
     def over(self, window: int) -> tuple[Array, Array]:
         """Likelihood ratio and size of every cause over the window that ends at every sample, (N, c) each."""
         last = np.arange(1, len(self.along))
-        return self._over(np.maximum(last - window, 0), last)
+        return self.between(np.maximum(last - window, 0), last)
 
-    def between(self, first: int, last: int | Indices) -> tuple[Array, Array]:
+    def between(self, first: int | Indices, last: int | Indices) -> tuple[Array, Array]:
         """The same over the samples from one on and before another one, (c,) each, or before several, (N, c)."""
-        return self._over(first, last)
-
-    def _over(self, first: int | Indices, last: int | Indices) -> tuple[Array, Array]:
-        along, power = self.along[last] - self.along[first], self.seen(first, last)
+        along, power = (each[..., :-1] for each in self._sums(first, last))
         return along**2 / power, along / power
 
-    def seen(self, first: int | Indices, last: int | Indices) -> Array:
-        """Square of what a unit of each cause adds to samples beside unknown loads; inf where these explain all."""
-        power: Array = self.power[last] - self.power[first]
+    def energy(self, first: int, last: int) -> float:
+        """Square of the innovation over samples."""
+        return float(self._seen(first, last)[-1])
+
+    def seen(self, first: int, last: int) -> Array:
+        """Square of what a unit of each cause adds to samples beside unknown loads, (c,)."""
+        return self._seen(first, last)[:-1]
+
+    def _seen(self, first: int, last: int) -> Array:
+        power = self._sums(first, last)[1]
+        return np.where(np.isfinite(power), power, 0.0)
+
+    def _sums(self, first: int | Indices, last: int | Indices) -> tuple[Array, Array]:
+        """Product of innovation and cause, and square of the cause, inf where unknown loads explain all of it."""
+        along, power = (each[last] - each[first] for each in (self.along, self.power))
         if self.shared is None:
-            return np.maximum(power, NOTHING)
-        left = power - self.shared.between(first, last)
-        return np.where(left > np.maximum(_LEFT * power, NOTHING), left, np.inf)
+            return along, np.maximum(power, NOTHING)
+        explained = self.shared.between(first, last)
+        left = power - explained[1]
+        return along - explained[0], np.where(left > np.maximum(_LEFT * power, NOTHING), left, np.inf)
 
     def alike(self, cause: int, first: int, last: int) -> Array:
-        """Cosine between what a cause and every other one add to the samples, (c,)."""
-        columns = self.columns[first:last].reshape(-1, len(self.names))
+        """Cosine between what a cause and every other one add to the samples beside unknown loads, (c,)."""
+        columns = self.columns[:last, :, :-1]
+        if self.shared is not None:
+            columns = without(self.part[:last], self.starts[self.starts < last], columns)
+        columns = columns[first:].reshape(-1, len(self.names))
         length = np.maximum(np.linalg.norm(columns, axis=0), NOTHING)
         found: Array = np.abs(columns.T @ columns[:, cause]) / length / length[cause]
         return found
@@ -123,29 +140,23 @@ class Gathered:
         self.times, self._innovation = self.times[-kept:], self._innovation[-kept:]
         self._columns, self._held = self._columns[-kept:], self._held[-kept:]
 
-    def power(self, window: int) -> Array:
-        """Square of what a unit of every cause adds to the last filtered samples, (c,)."""
-        last = self._columns[-window:]
-        found: Array = np.einsum("njc,njc->c", last, last)
-        return found
+    def power(self, windows: Sequence[int]) -> list[Array]:
+        """Square of what a unit of every cause adds to the last filtered samples, (c,), over several windows."""
+        count = len(self.times)
+        if not count:
+            return [np.zeros(len(self._names)) for _ in windows]
+        evidence = self.evidence()
+        return [evidence.seen(max(0, count - window), count) for window in windows]
 
     def evidence(self) -> Evidence:
         """What the samples say of every cause beside any load in the gripper."""
-        innovation, columns, shared = self._innovation, self._columns, None
-        if self._held.any():
-            part = np.where(self._held[:, None] > 0, columns[:, :, self._names.index("load")], 0.0)
-            starts = starts_of(self._held)
-            shared = Shared.of(part, columns, starts)
-            innovation = without(part, starts, innovation[:, :, None])[:, :, 0]
-        rows = (
-            np.einsum("nj,njc->nc", innovation, columns),
-            np.einsum("njc,njc->nc", columns, columns),
-            np.sum(innovation**2, axis=1, keepdims=True),
-        )
-        along, power, energy = (np.vstack([np.zeros((1, each.shape[1])), np.cumsum(each, axis=0)]) for each in rows)
-        if shared is not None:
-            columns = without(part, starts, columns)
-        return Evidence(self._names, along, power, energy, columns, shared)
+        columns = np.concatenate([self._columns, self._innovation[:, :, None]], axis=2)
+        carried = columns[:, :, self._names.index("load")]
+        part, starts = np.where(self._held[:, None] > 0, carried, 0.0), starts_of(self._held)
+        rows = np.einsum("nj,njc->nc", self._innovation, columns), np.einsum("njc,njc->nc", columns, columns)
+        along, power = (np.vstack([np.zeros((1, each.shape[1])), np.cumsum(each, axis=0)]) for each in rows)
+        shared = Shared.of(part, columns, starts) if self._held.any() else None
+        return Evidence(self._names, along, power, columns, part, starts, shared)
 
     def _add(self, log: Filtered) -> None:
         innovation, causes = self._expected.evidence(log)

@@ -82,6 +82,7 @@ class ArmRecord(msgspec.Struct, frozen=True):
         drives.expected.recall(*(np.array(each) for each in (self.values, self.covariance, self.noise)))
         bounds = [(bound.window, np.array(bound.ratios)) for bound in self.bounds]
         drives.recall(bounds, self.alike, self.carries)
+        drives.beware(self.seconds)
         return FirstFault.knowing(arm, drives, self.habits)
 
 

@@ -132,8 +132,8 @@ class FirstFault:
             target: desired positions, (N, n).
             effort: what acts at the samples, (N, n), in the units of the drives; NaN where nobody knows what the arm
                 carries.
-            acting: the same, also there, by which drives are judged there and readings of an arm at rest; not if it is
-                None.
+            acting: the same, also there, by which drives are judged there, and readings of an arm at rest; not if it
+                is None.
         """
         judged, acting = acting is not None, effort if acting is None else acting
         if self._starts and len(t):

@@ -10,7 +10,6 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dtwin.arm.chain import Arm, Array
 from dtwin.monitoring.chain.expected import EVERY, WINDOW, Expected, Filtered
@@ -91,7 +90,9 @@ def _way(arm: Arm, expected: Expected, log: Filtered, effort: Array, joint: int,
         rows = (each[_BEFORE + k : _BEFORE + k + 1] for each in (log.q, log.qd, log.qdd, effort))
         q, qd, qdd, acts = (np.repeat(row, 2, axis=0) for row in rows)
         q[:, joint], qd[:, joint], qdd[:, joint] = place, speed, (0.0, 1.0)
-        needed = expected.needed(Filtered(np.zeros(2), q, qd, qdd, acts, np.ones(2, dtype=bool), np.zeros(2, dtype=np.intp)))[:, joint]
+        needed = expected.needed(
+            Filtered(np.zeros(2), q, qd, qdd, acts, np.ones(2, dtype=bool), np.zeros(2, dtype=np.intp))
+        )[:, joint]
         inertia = needed[1] - needed[0]
         acceleration = (acts[0, joint] - needed[0]) / inertia if inertia else 0.0
         place += period * (speed + 0.5 * period * acceleration)
