@@ -39,7 +39,7 @@ def measurement_of(arm: Arm, adjustment: Adjustment, t: Array, q: Array, target:
         joints=tuple(joint.name for joint in arm.joints),
         t=t,
         q=q - np.array(adjustment.offset),
-        effort=np.nan_to_num(effort) * np.array(adjustment.strength),
+        effort=effort * np.array(adjustment.strength),
         kind=None if commanded == "position" else commanded,
         command=target,
         gripped=laden,

@@ -24,7 +24,8 @@ def evidence() -> Evidence:
 def least_squares(first: int, last: int, cause: int) -> tuple[float, float]:
     """Likelihood ratio and size of a cause over some samples, beside loads that all samples up to there tell of."""
     loads = np.stack([np.where((number == HELD)[:, None], PART, 0.0)[:last].ravel() for number in (1, 2, 3)], axis=1)
-    base = np.linalg.qr(loads[:, np.any(loads, axis=0)])[0]
+    told = np.flatnonzero(np.abs(loads).sum(axis=0))
+    base = np.linalg.qr(loads[:, told])[0]
     column: Array = np.zeros((last, 2))
     column[first:] = CAUSES[first:last, :, cause]
     beside, left = (each - base @ (base.T @ each) for each in (column.ravel(), INNOVATION[:last].ravel()))
