@@ -199,7 +199,7 @@ def _even(part: Measurement, dt: float, filtering: Filtering, held: bool) -> Smo
         laden = _laden(part.gripped, part.t, grid)
         known = ~laden
         if held:
-            numbers, counts = _numbered(laden, dt)
+            numbers, counts = numbered(laden, dt)
             known |= counts & np.isfinite(on_grid(part.effort)).all(axis=1)
     effort = on_grid(np.nan_to_num(part.effort))
     return Smooth(dt, q, v, a, effort, warm, float(part.t[0]), motor, command, known, numbers)
@@ -334,7 +334,7 @@ def rows_of(
         return made, terms
     senses = np.stack([term.values[:, term.names.index("coulomb")] for term in terms], axis=1)
     parts = [rigid.point] if torques is None else [rigid.point, rigid.point * np.sign(torques) * senses]
-    return _beside_loads(made, parts, stretch.held, through), terms
+    return beside_loads(made, parts, stretch.held, through), terms
 
 
 def _moving(stretch: Smooth, scales: Sequence[Scale], filtering: Filtering) -> np.ndarray:
@@ -348,7 +348,7 @@ def _moving(stretch: Smooth, scales: Sequence[Scale], filtering: Filtering) -> n
     return np.arange(max(moves[0], edge), min(moves[-1], len(speed) - edge))
 
 
-def _numbered(laden: NDArray[np.bool_], dt: float) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+def numbered(laden: NDArray[np.bool_], dt: float) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
     """Number of what is held, (N,), 0 for nothing, and whether it is held firmly, (N,).
 
     Args:
@@ -368,7 +368,7 @@ def _run(laden: NDArray[np.bool_]) -> NDArray[np.intp]:
     return found
 
 
-def _beside_loads(
+def beside_loads(
     rows: Rows, parts: Sequence[Array], held: NDArray[np.intp], through: Callable[[Array], Array]
 ) -> Rows:
     """The equations without what loads explain of them.
