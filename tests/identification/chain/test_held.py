@@ -31,7 +31,7 @@ def test_rows_without_a_load_stay_and_others_keep_what_it_does_not_explain() -> 
     made = beside_loads(ROWS, [POINT], HELD, lambda columns: columns)
     np.testing.assert_allclose(made.effort[HELD == 0], ROWS.effort[HELD == 0], atol=1e-12)
     for number in (1, 2):
-        part = np.where((number == HELD)[:, None], POINT, 0.0)
+        part = np.where(np.equal(number, HELD)[:, None], POINT, 0.0)
         np.testing.assert_allclose(np.sum(part * made.effort, axis=0), 0.0, atol=1e-12)
         assert np.sum(made.effort[number == HELD] ** 2) > 0.8 * np.sum(ROWS.effort[number == HELD] ** 2)
 

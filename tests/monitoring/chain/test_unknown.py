@@ -23,7 +23,9 @@ def evidence() -> Evidence:
 
 def least_squares(first: int, last: int, cause: int) -> tuple[float, float]:
     """Likelihood ratio and size of a cause over some samples, beside loads that all samples up to there tell of."""
-    loads = np.stack([np.where((number == HELD)[:, None], PART, 0.0)[:last].ravel() for number in (1, 2, 3)], axis=1)
+    loads = np.stack(
+        [np.where(np.equal(number, HELD)[:, None], PART, 0.0)[:last].ravel() for number in (1, 2, 3)], axis=1
+    )
     told = np.flatnonzero(np.abs(loads).sum(axis=0))
     base = np.linalg.qr(loads[:, told])[0]
     column: Array = np.zeros((last, 2))
