@@ -58,6 +58,15 @@ def effort_of(arm: Arm, q: Array, command: Array, late: int) -> Array:
     return servo_torque(arm, asked, q, _velocity(q, arm.period))
 
 
+def logged(arm: Arm) -> Array:
+    """What logs have for a unit of what acts, (n,): torques stand there as those at the joint, N m or N.
+
+    A drive that is commanded a torque may count it before its gear, as motors of MJCF files do.
+    """
+    actuators = [joint.actuator for joint in arm.joints]
+    return np.array([(a.constant or 1.0) if a.commanded == "torque" else 1.0 for a in actuators])
+
+
 def _velocity(q: Array, period: float) -> Array:
     """Velocities at the samples, (N, n), by differences of fourth order: what others miss is told as friction."""
     found: Array = np.gradient(q, period, axis=0)

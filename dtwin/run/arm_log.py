@@ -9,7 +9,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from dtwin.arm.chain import Arm
-from dtwin.arm.effort import unladen
+from dtwin.arm.effort import logged, unladen
 from dtwin.arm.samples import Samples
 from dtwin.errors import RecordingError, choices
 from dtwin.files import reason_of
@@ -59,4 +59,5 @@ def read_arm_log(path: Path, arm: Arm) -> Samples:
     if gaps.any():
         row = int(np.argmax(gaps)) + 2
         raise RecordingError(f"{path}: row {row}: t: expected {arm.period:g} s after the row before")
+    effort = effort / logged(arm)
     return Samples(t[:, 0], q, target, unladen(effort, gripped[:, 0] != 0.0), effort)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.arm.chain import Arm, Array, Commanded, holding, servo_torque
-from dtwin.arm.effort import effort_of, unladen
+from dtwin.arm.effort import effort_of, logged, unladen
 from dtwin.arm.poses import Poses, ranges
 from dtwin.arm.samples import Samples
 from dtwin.arm.sorting import Sorting
@@ -152,7 +152,7 @@ class ChainRun:
             joints=tuple(joint.name for joint in arm.joints),
             t=self.t,
             q=self.q,
-            effort=self.effort,
+            effort=self.effort * logged(arm),
             kind="torque" if commanded == "position" else commanded,
             command=self.target,
             gripped=self.gripped,
@@ -161,8 +161,8 @@ class ChainRun:
     def save(self, path: Path | str) -> None:
         """Writes a Parquet log: t, then q_J, target_J, sent_J, and torque_J, current_J or voltage_J for joint J.
 
-        What was sent is the command from the sample on; the effort beside it is what acts at the sample. The last
-        column, `gripped`, says whether the gripper was commanded to be closed.
+        What was sent is the command from the sample on; the effort beside it is what acts at the sample, a torque as
+        it is at the joint. The last column, `gripped`, says whether the gripper was commanded to be closed.
 
         Raises:
             RecordingError: it cannot be written.
@@ -171,7 +171,7 @@ class ChainRun:
         import pyarrow.parquet as pq
 
         arm = self.settings.arm
-        effort = self.effort
+        effort = self.effort * logged(arm)
         columns: dict[str, NDArray[Any]] = {"t": self.t}
         for name, values in (("q", self.q), ("target", self.target), ("sent", self.command)):
             columns |= {f"{name}_{k + 1}": values[:, k] for k in range(len(arm))}

@@ -45,6 +45,7 @@ class Trial:
         begin: when, s.
         expected: the right name of its cause.
         found: what was found, None for nothing.
+        moved: how long the arm was in motion from its beginning until it was noticed, s.
     """
 
     machine: int
@@ -52,10 +53,16 @@ class Trial:
     begin: float
     expected: str
     found: ChainFinding | None
+    moved: float = 0.0
+
+    @property
+    def noticed(self) -> bool:
+        """Whether it was noticed within SOON of motion, and not before it began."""
+        return self.found is not None and self.found.time >= self.begin and self.moved <= SOON
 
     @property
     def soon(self) -> bool:
-        """Whether it was noticed in time, and not before it began."""
+        """Whether it was noticed within SOON, whether the arm moved or not, and not before it began."""
         return self.found is not None and 0.0 <= self.found.time - self.begin <= SOON
 
     @property
@@ -132,7 +139,7 @@ def monitored(settings: ChainSettings) -> Learning:
 def drawn_fault(arm: Arm, kind: Kind, generator: np.random.Generator, healthy: float) -> ChainFault:
     """A fault of a kind at a drawn joint and time after a healthy stretch, s, of a size that is to be found."""
     joint = int(generator.integers(len(arm))) if kind != "load" else 0
-    begin = healthy + float(generator.uniform(2.0, _AFTER))
+    begin = arm.period * round((healthy + float(generator.uniform(2.0, _AFTER))) / arm.period)
     sense = float(generator.choice([-1.0, 1.0]))
     payload = arm.gripper.payload if arm.gripper is not None else _LEAST_PAYLOAD * sum(x.mass for x in arm.links)
     values = {"K": 0.8, "friction": 2.0, "load": 0.1 * payload, "bias": 0.01 * sense}
@@ -142,9 +149,14 @@ def drawn_fault(arm: Arm, kind: Kind, generator: np.random.Generator, healthy: f
 
 
 def _tried(settings: ChainSettings, number: int, fault: ChainFault) -> Trial:
-    watch = monitored(settings).watch
+    ran = run(settings)
+    watch = passed(settings.arm, ran.samples).watch
+    found = None if watch is None else watch.finding
+    until = fault.start if found is None else found.time
+    moves = np.any(np.diff(ran.target, axis=0, prepend=ran.target[:1]) != 0.0, axis=1)
+    moved = settings.arm.period * int(moves[(ran.t >= fault.start) & (ran.t <= until)].sum())
     expected = "load" if fault.kind == "load" else f"{fault.kind}{fault.joint + 1}"
-    return Trial(number, str(fault), fault.start, expected, None if watch is None else watch.finding)
+    return Trial(number, str(fault), fault.start, expected, found, moved)
 
 
 def _of(result: ArmFaults, kind: str) -> list[Trial]:
@@ -156,16 +168,17 @@ def arm_faults_figures(result: ArmFaults) -> dict[str, Any]:
     kinds = {}
     for kind in KINDS:
         trials = _of(result, kind)
-        delays = [each.found.time - each.begin for each in trials if each.soon and each.found is not None]
+        delays = [each.found.time - each.begin for each in trials if each.noticed and each.found is not None]
         kinds[kind] = {
             "trials": len(trials),
-            "noticed": sum(each.soon for each in trials),
+            "noticed": sum(each.noticed for each in trials),
+            "soon": sum(each.soon for each in trials),
             "found": sum(each.found is not None for each in trials),
-            "named": sum(each.soon and each.named for each in trials),
-            "within": sum(each.soon and each.within for each in trials),
+            "named": sum(each.noticed and each.named for each in trials),
+            "within": sum(each.noticed and each.within for each in trials),
             "delay": float(np.median(delays)) if delays else None,
         }
-    told = [each for each in result.trials if each.soon]
+    told = [each for each in result.trials if each.noticed]
     return {
         "arm": result.arm,
         "kinds": kinds,
@@ -181,13 +194,15 @@ def arm_faults_report(result: ArmFaults) -> Report:
     """The page for people."""
     figures = arm_faults_figures(result)
     rows = [
-        f"| fault | trials | noticed within {SOON:g} s | named first | among those named | median delay, s |",
-        "|---|---|---|---|---|---|",
+        f"| fault | trials | noticed within {SOON:g} s of motion | of time | named first | among those named "
+        "| median delay, s |",
+        "|---|---|---|---|---|---|---|",
     ]
     for kind, found in figures["kinds"].items():
         delay = "" if found["delay"] is None else f"{found['delay']:.2f}"
         rows.append(
-            f"| {kind} | {found['trials']} | {found['noticed']} | {found['named']} | {found['within']} | {delay} |"
+            f"| {kind} | {found['trials']} | {found['noticed']} | {found['soon']} | {found['named']} "
+            f"| {found['within']} | {delay} |"
         )
     words = (
         f"{figures['sure_and_wrong']} were named wrong with no other cause beside it. Without a fault there were "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +12,7 @@ import numpy as np
 import tyro
 from rich.table import Table
 
-from dtwin.arm.chain import Arm, Array
+from dtwin.arm.chain import Arm, Array, Joint
 from dtwin.arm.file import FOLDER, SUFFIX, names
 from dtwin.arm.packages import installed
 from dtwin.arm.poses import drawn_poses
@@ -232,15 +233,23 @@ def _table(arm: Arm) -> Table:
             joint.name,
             f"{joint.lower:.3g} to {joint.upper:.3g} {joint.unit}",
             f"{joint.speed:.3g}",
-            f"{drive.limit:.4g} {joint.command_unit}"
-            if drive.commanded != "position"
-            else f"{joint.effort:.4g} {joint.effort_unit}",
+            _limit(joint),
             "not known" if constant is None else f"{constant:.4g}",
             f"{friction.viscous:.3g} + {friction.coulomb:.3g} + {100.0 * friction.load:.2g} %",
             f"{link.mass:.3g} kg",
         )
         table.add_row(*map(as_text, values))
     return table
+
+
+def _limit(joint: Joint) -> str:
+    """The largest command; of a command in N m before a gear also what the joint has of it."""
+    drive, unit = joint.actuator, joint.effort_unit
+    if drive.commanded == "position":
+        return f"{joint.effort:.4g} {unit}"
+    told = f"{drive.limit:.4g} {joint.command_unit}"
+    geared = drive.commanded == "torque" and drive.constant not in (None, 1.0) and math.isfinite(joint.largest)
+    return f"{told}, {joint.largest:.4g} {unit} at the joint" if geared else told
 
 
 def _print(lines: list[str]) -> None:

@@ -2,20 +2,25 @@
 
 A linear filter on both sides leaves a linear equation true (Gautier's parallel filtering). So the regressor is made
 of positions, velocities and accelerations that are only lightly filtered, and its columns pass the same filter as the
-measured effort: neither friction nor acceleration is flattened against the torque. Rows in which nobody knows what
-the arm carries are 0 on both sides before the filter, so that what is held leaves no trace in those beside them.
+measured effort: neither friction nor acceleration is flattened against the torque. Rows that do not count are 0 on
+both sides before the filter, so that they leave no trace in those beside them.
+
+A box that nobody has weighed is one mass at the tool from when the gripper has closed until it opens. What it adds to
+the torque of a joint, and to friction that grows with that torque, is taken out of all columns and of the effort,
+joint by joint (unknowns of no interest, Frisch and Waugh 1933): motion with a box is often the only one in which a
+joint turns the other way.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dtwin.arm.chain import Arm, Array
+from dtwin.arm.chain import Arm, Array, steiner
 from dtwin.equations.rigid import regressor
 from dtwin.errors import IdentificationError
 from dtwin.identification.chain.friction import Group, Scale, Terms, friction_terms
@@ -25,6 +30,12 @@ _STEPS: Final = 1e-3
 """Standard deviation of a position that steps of its encoder make, rad or m; the least that `scales_of` tells."""
 _STOOD: Final = 1e-3
 """Standard deviation of the position of a joint that stood, in parts of its range, a whole turn or 1 m at most."""
+_CLOSING: Final = 0.3
+"""Time in which the gripper takes its load up, s."""
+_OPENING: Final = 2
+"""Rows before it is open, in which the effort may be that of either side."""
+_SAME: Final = 1e-6
+"""Singular value, in parts of the largest one, below which columns are the same."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +69,8 @@ class Smooth:
         start: time of the first row in the log, s.
         motor: positions on the motors' side, (N, n), or None.
         command: commanded positions, (N, n), or None.
-        known: whether it is known what the arm carries, (N,).
+        known: rows that count, (N,): by default those in which it is known what the arm carries.
+        held: number of what the gripper holds, whose mass nobody knows, (N,), 0 for nothing; None if that is nowhere.
     """
 
     dt: float
@@ -71,6 +83,7 @@ class Smooth:
     motor: Array | None = None
     command: Array | None = None
     known: NDArray[np.bool_] | None = None
+    held: NDArray[np.intp] | None = None
 
     def through(self, columns: Array, cutoff: float) -> Array:
         """Columns, (N, ...), of a side of the equations through its filter, with a corner in Hz."""
@@ -138,8 +151,13 @@ class Design:
         return travel <= np.maximum(_STEPS, _STOOD * np.array(reach))
 
 
-def smooth(measurement: Measurement, filtering: Filtering) -> list[Smooth]:
+def smooth(measurement: Measurement, filtering: Filtering, held: bool = False) -> list[Smooth]:
     """The stretches of a measurement that are long enough, on an even grid.
+
+    Args:
+        measurement: the measurement.
+        filtering: how noise is taken away.
+        held: whether rows count in which something is held that nobody has weighed, beside what it explains.
 
     Raises:
         IdentificationError: nothing says how strongly the actuators acted, or rows come too seldom for the filter.
@@ -158,10 +176,10 @@ def smooth(measurement: Measurement, filtering: Filtering) -> list[Smooth]:
         )
     least = 4.0 * filtering.edge / filtering.cutoff
     parts = [measurement.rows(rows) for rows in measurement.stretches()]
-    return [_even(part, dt, filtering) for part in parts if part.t[-1] - part.t[0] > least]
+    return [_even(part, dt, filtering, held) for part in parts if part.t[-1] - part.t[0] > least]
 
 
-def _even(part: Measurement, dt: float, filtering: Filtering) -> Smooth:
+def _even(part: Measurement, dt: float, filtering: Filtering, held: bool) -> Smooth:
     grid = np.arange(part.t[0], part.t[-1], dt)
 
     def on_grid(columns: Array) -> Array:
@@ -176,8 +194,15 @@ def _even(part: Measurement, dt: float, filtering: Filtering) -> Smooth:
     motor, command = (
         None if c is None else low_passed(on_grid(c), dt, corner, 2) for c in (part.motor, part.command)
     )
-    known = None if part.gripped is None else ~_laden(part.gripped, part.t, grid)
-    return Smooth(dt, q, v, a, on_grid(part.effort), warm, float(part.t[0]), motor, command, known)
+    known = numbers = None
+    if part.gripped is not None:
+        laden = _laden(part.gripped, part.t, grid)
+        known = ~laden
+        if held:
+            numbers, counts = numbered(laden, dt)
+            known |= counts & np.isfinite(on_grid(part.effort)).all(axis=1)
+    effort = on_grid(np.nan_to_num(part.effort))
+    return Smooth(dt, q, v, a, effort, warm, float(part.t[0]), motor, command, known, numbers)
 
 
 def _laden(gripped: NDArray[np.bool_], t: Array, grid: Array) -> NDArray[np.bool_]:
@@ -216,12 +241,14 @@ class Rigid:
         kept: numbers of the rows that are left after the filter, (K,).
         every: rows of the stretch from one of them to the next.
         filtered: the columns after the filter, (K, n, 10 n).
+        point: what a kilogram at the tool asks before the filter, (N, n).
     """
 
     full: Array
     kept: np.ndarray
     every: int
     filtered: Array
+    point: Array
 
 
 def rigid_of(arm: Arm, stretch: Smooth, scales: Sequence[Scale], filtering: Filtering) -> Rigid:
@@ -240,7 +267,8 @@ def rigid_of(arm: Arm, stretch: Smooth, scales: Sequence[Scale], filtering: Filt
     for joint in range(len(arm)):  # the links before a joint ask nothing of it
         beyond = slice(10 * joint, None)
         filtered[:, joint, beyond] = stretch.through(full[:, joint, beyond], filtering.cutoff)[kept]
-    return Rigid(full, kept, every, filtered)
+    mass = np.array([1.0, *arm.tool, *steiner(arm.tool)[np.tril_indices(3)]])
+    return Rigid(full, kept, every, filtered, full[:, :, -10:] @ mass)
 
 
 def kept_of(stretch: Smooth, scales: Sequence[Scale], filtering: Filtering) -> np.ndarray:
@@ -277,7 +305,8 @@ def rows_of(
     Returns:
         The equations, and the terms before the filter.
     """
-    sizes = None if carried is None else np.abs(rigid.full @ carried)
+    torques = None if carried is None else rigid.full @ carried
+    sizes = None if torques is None else np.abs(torques)
     terms = [
         friction_terms(
             scale,
@@ -301,7 +330,11 @@ def rows_of(
         through(stretch.effort),
         load,
     )
-    return made, terms
+    if stretch.held is None or not stretch.held.any():
+        return made, terms
+    senses = np.stack([term.values[:, term.names.index("coulomb")] for term in terms], axis=1)
+    parts = [rigid.point] if torques is None else [rigid.point, rigid.point * np.sign(torques) * senses]
+    return beside_loads(made, parts, stretch.held, through), terms
 
 
 def _moving(stretch: Smooth, scales: Sequence[Scale], filtering: Filtering) -> np.ndarray:
@@ -313,3 +346,47 @@ def _moving(stretch: Smooth, scales: Sequence[Scale], filtering: Filtering) -> n
     if not len(moves):
         return np.arange(0)
     return np.arange(max(moves[0], edge), min(moves[-1], len(speed) - edge))
+
+
+def numbered(laden: NDArray[np.bool_], dt: float) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+    """Number of what is held, (N,), 0 for nothing, and whether it is held firmly, (N,).
+
+    Args:
+        laden: whether the gripper is closed, (N,).
+        dt: time between two rows, s.
+    """
+    since = _run(laden)
+    left = _run(laden[::-1])[::-1]
+    numbers = np.where(laden, np.cumsum(laden & (since == 1)), 0)
+    return numbers, laden & (since > round(_CLOSING / dt)) & (left > _OPENING)
+
+
+def _run(laden: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """How many rows up to each one and with it are laden, (N,)."""
+    index = np.arange(1, len(laden) + 1)
+    found: NDArray[np.intp] = index - np.maximum.accumulate(np.where(laden, 0, index))
+    return found
+
+
+def beside_loads(
+    rows: Rows, parts: Sequence[Array], held: NDArray[np.intp], through: Callable[[Array], Array]
+) -> Rows:
+    """The equations without what loads explain of them.
+
+    Args:
+        rows: the equations after the filter.
+        parts: what a kilogram adds to every joint before the filter, (N, n) each.
+        held: number of what is held, (N,).
+        through: the filter, to the rows that are left.
+    """
+    each = held[:, None] == np.unique(held[held > 0])
+    rigid, effort, terms = rows.rigid.copy(), rows.effort.copy(), []
+    for joint, friction in enumerate(rows.terms):
+        loads = np.concatenate([through(part[:, joint, None] * each) for part in parts], axis=1)
+        loads = loads[:, np.any(loads != 0.0, axis=0)]
+        left, sizes, _ = np.linalg.svd(loads / np.linalg.norm(loads, axis=0), full_matrices=False)
+        base = left[:, sizes > _SAME * max(sizes.max(initial=0.0), _SAME)]
+        rigid[:, joint] -= base @ (base.T @ rigid[:, joint])
+        effort[:, joint] -= base @ (base.T @ effort[:, joint])
+        terms.append(friction - base @ (base.T @ friction))
+    return replace(rows, rigid=rigid, terms=tuple(terms), effort=effort)

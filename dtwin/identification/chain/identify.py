@@ -30,18 +30,18 @@ class Sample:
     """A measurement and what the arm held meanwhile.
 
     Attributes:
-        measurement: the measurement; rows in which its gripper is closed do not count, as nobody has weighed what it
-            holds then, unless the load says what that is.
+        measurement: the measurement; rows in which its gripper is closed count beside what a mass at the tool
+            explains, as nobody has weighed what it holds then, unless the load says what that is.
         load: name of the load; "" for an empty hand.
     """
 
     measurement: Measurement
     load: str = ""
 
-    def stretches(self, filtering: Filtering) -> list[Smooth]:
+    def stretches(self, filtering: Filtering, held: bool = False) -> list[Smooth]:
         """The stretches of the measurement, as `smooth` finds them."""
         measured = replace(self.measurement, gripped=None) if self.load else self.measurement
-        return smooth(measured, filtering)
+        return smooth(measured, filtering, held)
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,7 +206,7 @@ def identify(arm: Arm, samples: Sequence[Sample], settings: Settings | None = No
     """
     settings = settings or Settings()
     _check(arm, samples, settings)
-    stretches = [(s, part) for s in samples for part in s.stretches(settings.filtering)]
+    stretches = [(s, part) for s in samples for part in s.stretches(settings.filtering, held=True)]
     if not stretches:
         raise IdentificationError("expected a stretch of motion without a gap of at least two seconds")
     scales = scales_of([stretch for _, stretch in stretches])

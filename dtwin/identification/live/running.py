@@ -9,6 +9,7 @@ import numpy as np
 
 from dtwin.arm.adjustment import Adjustment
 from dtwin.arm.chain import Arm, Array, steiner
+from dtwin.arm.effort import logged
 from dtwin.arm.model import ArmModel
 from dtwin.arm.modelled import problem_of
 from dtwin.identification.chain.identify import Identification
@@ -39,7 +40,7 @@ def measurement_of(arm: Arm, adjustment: Adjustment, t: Array, q: Array, target:
         joints=tuple(joint.name for joint in arm.joints),
         t=t,
         q=q - np.array(adjustment.offset),
-        effort=np.nan_to_num(effort) * np.array(adjustment.strength),
+        effort=effort * logged(arm) * np.array(adjustment.strength),
         kind=None if commanded == "position" else commanded,
         command=target,
         gripped=laden,

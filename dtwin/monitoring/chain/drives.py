@@ -16,9 +16,12 @@ import numpy as np
 from dtwin.arm.adjustment import Adjustment
 from dtwin.arm.chain import Arm, Array
 from dtwin.arm.effort import ahead
+from dtwin.arm.samples import Samples
+from dtwin.monitoring.chain.carrying import Holding
 from dtwin.monitoring.chain.expected import EVERY, WINDOW, Expected, filtered
 from dtwin.monitoring.chain.finding import ChainFinding
-from dtwin.monitoring.chain.gathering import NOTHING, Evidence, Gathered
+from dtwin.monitoring.chain.gathering import Evidence, Gathered
+from dtwin.monitoring.chain.unknown import NOTHING
 
 WINDOWS: Final = (10, 20, 40, 80, 160)
 """Lengths over which evidence is gathered, in filtered samples: 0.5 to 8 s at 100 Hz."""
@@ -87,6 +90,8 @@ class Drives:
         alike: how many times larger likelihood ratios of healthy samples are than of white noise.
         names: the causes.
         least: least sizes of them that are told, (c,).
+        carries: whether commands are judged while something is held, beside what its load explains: where the healthy
+            stretch has shown what they are then.
         alarm: the first evidence; None while there is none.
     """
 
@@ -98,32 +103,29 @@ class Drives:
             "load",
             *(f"{kind}{j + 1}" for j in range(n) for kind in ("K", "friction", "bias", "push")),
         )
-        self._rows = Gathered(arm, self.expected, self.names)
+        self._rows, self._holding = Gathered(arm, self.expected, self.names), Holding(arm.period)
         self._learned, self._most = 0, list[Array]()
         self.least = np.array([_least(arm, name) for name in self.names])
         self._largest = np.array([MOST.get(name.rstrip("0123456789"), _UNSEEN) for name in self.names])
-        self.bounds, self.alike = list[tuple[int, Array]](), 1.0
+        self.bounds, self.alike, self.carries = list[tuple[int, Array]](), 1.0, False
         self._count = self._first = 0
         self.alarm: Alarm | None = None
 
-    def recall(self, bounds: Sequence[tuple[int, Array]], alike: float) -> None:
+    def recall(self, bounds: Sequence[tuple[int, Array]], alike: float, carries: bool) -> None:
         """Takes what an earlier healthy stretch has shown: see the attributes."""
-        self.bounds, self.alike = list(bounds), alike
+        self.bounds, self.alike, self.carries = list(bounds), alike, carries
 
-    def learn(self, t: Array, q: Array, effort: Array) -> None:
-        """Learns from a healthy stretch.
-
-        Args:
-            t: times of the samples, (N,), s.
-            q: what the encoders read, (N, n), rad or m.
-            effort: what acts at the samples, (N, n), in the units of the drives.
+    def learn(self, samples: Samples) -> None:
+        """Learns from the samples of a healthy stretch.
 
         Raises:
             RecordingError: it is shorter than the filter.
         """
-        learned = filtered(self._arm, t, q, effort)
+        effort, held = self._holding.follow(samples.effort, samples.acting)
+        learned = filtered(self._arm, samples.t, samples.q, effort, held)
+        self.carries = bool((learned.known & (learned.held > 0)).any())
         self.expected.learn(learned)
-        self._rows.learned(learned, t, q, effort)
+        self._rows.learned(learned, samples.t, samples.q, effort, held)
         evidence = self._rows.evidence()
         for window in WINDOWS:
             healthy = evidence.over(window)[0][window:-1]
@@ -136,6 +138,7 @@ class Drives:
     def forget(self) -> None:
         """Begins a new stretch after samples that nobody knows."""
         self._rows.forget()
+        self._holding.forget()
         self._first = self._count
 
     def resume(self, adjustment: Adjustment | None) -> None:
@@ -154,15 +157,10 @@ class Drives:
         self._learned = self._count + self._after(time)
         self._most = [np.zeros(len(self.names)) for _ in self.bounds]
 
-    def follow(self, t: Array, q: Array, effort: Array) -> ChainFinding | None:
-        """Takes further samples; the cause once there is evidence and SOON has passed since, and again after LATER.
-
-        Args:
-            t: times, (N,), s.
-            q: what the encoders read, (N, n).
-            effort: what acts at the samples, (N, n).
-        """
-        made = self._rows.follow(t, q, effort)
+    def follow(self, new: Samples) -> ChainFinding | None:
+        """Takes further samples; the cause once SOON has passed since the first evidence, and again after LATER."""
+        effort, held = self._holding.follow(new.effort, new.acting)
+        made = self._rows.follow(new.t, new.q, effort if self.carries else new.effort, held)
         if not made:
             return None
         self._count += made
@@ -177,8 +175,9 @@ class Drives:
     def visible(self) -> dict[str, float]:
         """Least size of every cause that the last seconds would have shown; inf where nothing would have."""
         found = np.full(len(self.names), np.inf)
-        for window, bound in self.bounds:
-            found = np.minimum(found, np.sqrt(bound / np.maximum(self._rows.power(window), NOTHING)))
+        powers = self._rows.power([window for window, _ in self.bounds])
+        for (_, bound), power in zip(self.bounds, powers, strict=True):
+            found = np.minimum(found, np.sqrt(bound / np.maximum(power, NOTHING)))
         sizes = np.where(found < self._largest, np.maximum(found, self.least), np.inf)
         sizes *= [self._unit(name) for name in self.names]
         return dict(zip(self.names, sizes.tolist(), strict=True))
@@ -280,7 +279,7 @@ def named(evidence: Evidence, first: int, alarm: int, last: int, alike: float, t
         best = ratio.argmax(axis=0), np.arange(len(pushes))
         better = ratio[best] > odds
         odds, sizes = np.where(better, ratio[best], odds), np.where(better, size[best], sizes)
-    left = float(evidence.energy[last, 0] - evidence.energy[first, 0]) - odds.max()
+    left = evidence.energy(first, last) - odds.max()
     spread = alike * max(1.0, left / ((last - first) * evidence.columns.shape[1]))
     prior = np.array([_likely(name, float(size)) for name, size in zip(evidence.names, sizes, strict=True)])
     with np.errstate(divide="ignore"):  # what cannot be, such as a drive that lost more than all, is never named

@@ -15,6 +15,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from dtwin.arm.chain import Arm, Array
+from dtwin.controller.chain.encoders import repeats
 from dtwin.monitoring.chain.finding import ChainFinding
 
 Mask = NDArray[np.bool_]
@@ -37,6 +38,10 @@ GRIPPED: Final = 5.0
 """Friction by which a joint may be held without being locked, in parts of what it was: what recovery compensates."""
 _PART: Final = 0.1
 """Part of the way on which it is led within which it stays."""
+_RARE, _FEW = 4, 4
+"""A row of so many times as many equal readings as the longest healthy one, and some more, is none of noise."""
+_SHOWN: Final = 20
+"""Readings that turn round from which on an encoder has shown its noise."""
 _REPEATED: Final = 4
 """Equal readings at the end of a stay from which on the encoder may repeat itself, after some that differ."""
 
@@ -49,7 +54,7 @@ class Habits(msgspec.Struct, frozen=True):
         drift: largest way from the path within three samples, rad or m.
         held: longest way on which a joint was led within STILL samples while it stayed, rad or m.
         error: largest distance from the path, rad or m.
-        repeats: most equal readings in a row while the joint was led by a step of its encoder or more.
+        repeats: most equal readings in a row; the number of all where noise has hardly shown itself.
     """
 
     jump: tuple[float, ...]
@@ -77,7 +82,7 @@ def habits_of(arm: Arm, q: Array, target: Array) -> Habits:
         tuple(np.abs(away).max(axis=0).tolist()),
         tuple(held.tolist()),
         tuple(np.abs(q - target).max(axis=0).tolist()),
-        tuple(_repeats(*pair) for pair in zip(q.T, target.T, steps, strict=True)),
+        tuple(np.where(_turns(q, steps, arm.tolerances.noise) < _SHOWN, len(q), 1 + _equal(q).max(axis=0)).tolist()),
     )
 
 
@@ -96,6 +101,9 @@ class Encoders:
         self._drift = np.array(habits.drift)
         self._held = np.array(habits.held)
         self._errors = np.array(habits.error)
+        sheet = np.array([repeats(step, self._noise) for step in self._steps.tolist()])
+        shown = _RARE * np.array(habits.repeats) + _FEW
+        self._repeats = np.where(sheet > 0, np.maximum(sheet, shown), np.inf)
 
     def jump(self, t: Array, q: Array, target: Array, new: int) -> ChainFinding | None:
         """The first jump whose last sample is one of the last `new` ones; None if there is none.
@@ -123,6 +131,19 @@ class Encoders:
                 locked for sure. None to ask no drive.
         """
         return min(self._stays(t, q, target, new, pressed), key=lambda each: each.time, default=None)
+
+    def repeated(self, t: Array, q: Array, new: int) -> ChainFinding | None:
+        """The first of the last `new` readings that repeats itself more often than its noise ever does.
+
+        That is so of encoders alone whose noise the data sheet tells, in every place, and whose healthy readings have
+        shown it. See `jump`.
+        """
+        over = 1 + _equal(q) >= self._repeats
+        found = np.argwhere(over[max(0, len(over) - new) :])
+        if not len(found):
+            return None
+        k, j = found[0].tolist()
+        return ChainFinding(float(t[k - min(new, len(over))]), f"freeze{j + 1}", 0.0)
 
     def repeats(self, time: float, joint: int) -> ChainFinding:
         """A reading that repeats itself while the feedback presses on its joint: time, s, and index of the joint."""
@@ -206,12 +227,21 @@ def _near(steps: Array, noise: float, led: Array) -> Array:
     return near
 
 
-def _repeats(q: Array, target: Array, step: float) -> int:
-    """Most equal readings in a row, (N,), while the path, (N,), goes on by more than a step and more than nothing."""
-    led = np.abs(np.diff(target)) > max(step, 1e-9)
-    equal = (np.diff(q) == 0.0) & led
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], equal, [False]]).astype(int))).reshape(-1, 2)
-    return 1 + int(np.max(edges[:, 1] - edges[:, 0], initial=0))
+def _turns(q: Array, steps: Array, noise: float) -> NDArray[np.intp]:
+    """How often readings, (N, n), turn round by what noise does and motion does not, (n,)."""
+    way = np.diff(q, axis=0)
+    found: NDArray[np.intp] = ((way[1:] * way[:-1] < 0.0) & (np.abs(way[1:]) >= np.maximum(2.0 * steps, noise))).sum(
+        0
+    )
+    return found
+
+
+def _equal(q: Array) -> NDArray[np.intp]:
+    """How many readings before each one are equal to it and follow one another, (N, n)."""
+    rows = np.arange(len(q))[:, None]
+    other = np.vstack([np.ones((min(len(q), 1), q.shape[1]), dtype=bool), np.diff(q, axis=0) != 0.0])
+    found: NDArray[np.intp] = rows - np.maximum.accumulate(np.where(other, rows, 0), axis=0)
+    return found
 
 
 def _ways(q: Array, target: Array) -> tuple[Array, Array, Array]:

@@ -20,6 +20,7 @@ from dtwin.arm.chain import Arm, Array, steiner
 from dtwin.arm.poses import drawn_poses
 from dtwin.equations.rigid import inverse_dynamics, regressor
 from dtwin.errors import RecordingError
+from dtwin.monitoring.chain.unknown import Indices, starts_of, without
 
 WINDOW: Final = 11
 """Samples of the filter (Savitzky and Golay 1964) by which positions become velocities and accelerations."""
@@ -51,7 +52,8 @@ class Filtered:
         qd: velocities, (N, n).
         qdd: accelerations, (N, n).
         effort: commands that act, (N, n), in the units of the drives; 0 where they are not known.
-        known: where it is known what the arm carries, (N,).
+        known: where the commands count, (N,).
+        held: number of what the gripper holds, whose mass nobody knows, (N,); 0 for nothing.
     """
 
     t: Array
@@ -60,10 +62,18 @@ class Filtered:
     qdd: Array
     effort: Array
     known: NDArray[np.bool_]
+    held: NDArray[np.intp]
 
 
-def filtered(arm: Arm, t: Array, q: Array, effort: Array) -> Filtered:
-    """Filters a log: t (N,), s; positions and effort (N, n), NaN where nobody knows what the arm carries.
+def filtered(arm: Arm, t: Array, q: Array, effort: Array, held: NDArray[np.intp] | None = None) -> Filtered:
+    """Filters a log.
+
+    Args:
+        arm: the arm.
+        t: times, (N,), s.
+        q: positions, (N, n).
+        effort: what acts at the samples, (N, n); NaN where it does not count.
+        held: number of what the gripper holds, (N,), 0 for nothing; nothing if None.
 
     Raises:
         RecordingError: it is shorter than the filter.
@@ -75,8 +85,11 @@ def filtered(arm: Arm, t: Array, q: Array, effort: Array) -> Filtered:
     positions, efforts = (sliding_window_view(values, WINDOW, axis=0)[::EVERY] for values in (q, effort))
     q, qd, qdd = np.einsum("njw,ow->onj", positions, weights)
     acting = np.einsum("njw,w->nj", efforts, weights[0])
-    known = np.isfinite(acting).all(axis=1)
-    return Filtered(t[half : len(t) - half : EVERY], q, qd, qdd, np.where(known[:, None], acting, 0.0), known)
+    numbers = np.zeros(len(t), dtype=np.intp) if held is None else held
+    carried = sliding_window_view(numbers, WINDOW)[::EVERY]
+    known = np.isfinite(acting).all(axis=1) & (carried.min(axis=1) == carried.max(axis=1))
+    effort = np.where(known[:, None], acting, 0.0)
+    return Filtered(t[half : len(t) - half : EVERY], q, qd, qdd, effort, known, carried[:, half])
 
 
 @lru_cache(maxsize=8)
@@ -128,7 +141,7 @@ class Expected:
         self._now = values.copy()
 
     def learn(self, log: Filtered) -> None:
-        """Takes the parameters and the noise from a healthy stretch.
+        """Takes the parameters and the noise from a healthy stretch, beside what is held.
 
         Residuals follow one another, so that the covariance counts them in blocks (White 1980).
         """
@@ -136,21 +149,31 @@ class Expected:
         for _ in range(2):  # the second time with the noise that the first has found
             weights = self._weights(log)
             precision = np.diag(1.0 / self._deviation**2)
-            scaled = columns * (weights / self.noise)[:, :, None]
-            rest = (log.effort - columns @ self._mean) * weights / self.noise
+            rest = log.effort - columns @ self._mean
+            scaled, rest = self._known_of(log.held, columns, rest, weights / self.noise)
             flat = scaled.reshape(-1, columns.shape[2])
             curvature = flat.T @ flat + precision
             found = np.linalg.solve(curvature, flat.T @ rest.ravel())
             self.values = self._mean + found
             counted = np.maximum(1.0, np.sum(weights**2, axis=0))
-            left = weights * (log.effort - columns @ self.values)
-            scores = np.einsum("njp,nj->np", scaled, left / self.noise)
-            self.noise = np.maximum(np.sqrt(np.sum(left**2, axis=0) / counted), _faint(self._arm))
+            left = rest - scaled @ found
+            scores = np.einsum("njp,nj->np", scaled, left)
+            spread = self.noise * np.sqrt(np.sum(left**2, axis=0) / counted)
+            self.noise = np.maximum(spread, _faint(self._arm))
         rows = max(1, round(BLOCK / (EVERY * self._arm.period)))
         sums = np.add.reduceat(scores, np.arange(0, len(scores), rows), axis=0)
         inverse = np.linalg.inv(curvature)
         self.covariance = inverse @ (sums.T @ sums + precision) @ inverse
         self._now = self.values.copy()
+
+    def _known_of(self, held: Indices, columns: Array, rest: Array, scale: Array) -> tuple[Array, Array]:
+        """Columns, (N, n, p), and what is left of commands, (N, n), scaled, without what the loads held explain."""
+        columns, rest = columns * scale[:, :, None], rest * scale
+        if not held.any():
+            return columns, rest
+        last = slice(10 * (len(self._arm) - 1), 10 * len(self._arm))
+        part, starts = np.where(held[:, None] > 0, columns[:, :, last] @ self._mass, 0.0), starts_of(held)
+        return without(part, starts, columns), without(part, starts, rest[:, :, None])[:, :, 0]
 
     @property
     def share(self) -> Array:

@@ -81,7 +81,7 @@ class Learning:
             part = Samples(t[rows], q[rows], target[rows], effort[rows], (effort if acting is None else acting)[rows])
             self._laden += count - (self._seen - known)
             self._rows.append(part)
-            self._half.follow(*part[:4])
+            self._half.follow(*part[:4], None if acting is None else part.acting)
             done += count
             if done < len(t):
                 self._decide()

@@ -83,6 +83,8 @@ class Readings:
         if stay is None and rests:
             pressed = self._pressed.first(new.t, new.q, new.target, new.acting, np.isnan(new.effort[:, 0]))
             stay = None if pressed is None else self._encoders.repeats(*pressed)
+        if stay is None:
+            stay = self._encoders.repeated(past.t, past.q, len(new.t))
         jump = self._encoders.jump(last.t, last.q, last.target, len(new.t))
         if self._jump is None and jump is not None and not self._is_late(jump):
             self._jump = jump

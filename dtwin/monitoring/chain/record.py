@@ -47,6 +47,7 @@ class ArmRecord(msgspec.Struct, frozen=True):
         bounds: of every window.
         alike: how many times larger likelihood ratios of healthy samples are than of white noise.
         habits: what its encoders show.
+        carries: see `Drives`.
     """
 
     schema: str
@@ -60,6 +61,7 @@ class ArmRecord(msgspec.Struct, frozen=True):
     bounds: tuple[Bound, ...]
     alike: float
     habits: Habits
+    carries: bool = False
 
     def watch(self, arm: Arm) -> FirstFault:
         """Who looks for the first fault of that arm.
@@ -78,7 +80,9 @@ class ArmRecord(msgspec.Struct, frozen=True):
             )
         drives = Drives(arm)
         drives.expected.recall(*(np.array(each) for each in (self.values, self.covariance, self.noise)))
-        drives.recall([(bound.window, np.array(bound.ratios)) for bound in self.bounds], self.alike)
+        bounds = [(bound.window, np.array(bound.ratios)) for bound in self.bounds]
+        drives.recall(bounds, self.alike, self.carries)
+        drives.beware(self.seconds)
         return FirstFault.knowing(arm, drives, self.habits)
 
 
@@ -114,6 +118,7 @@ def record_of(watch: FirstFault, arm: Arm, seconds: float) -> ArmRecord:
         tuple(Bound(window, tuple(ratios.tolist())) for window, ratios in drives.bounds),
         drives.alike,
         watch.habits,
+        drives.carries,
     )
 
 

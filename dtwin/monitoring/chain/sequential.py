@@ -15,7 +15,6 @@ import numpy as np
 from dtwin.arm.adjustment import Adjustment
 from dtwin.arm.chain import Arm, Array
 from dtwin.arm.samples import Samples
-from dtwin.monitoring.chain.carrying import Carrying
 from dtwin.monitoring.chain.drives import ENOUGH, Drives
 from dtwin.monitoring.chain.encoders import Habits, habits_of
 from dtwin.monitoring.chain.finding import ChainFinding
@@ -59,7 +58,6 @@ class FirstFault:
         self._seen = 0
         self._begin: float | None = None
         self._readings: Readings | None = None
-        self._carrying: Carrying | None = None
         self.drives: Drives | None = None
         self.habits: Habits | None = None
         self._offset, self._strength = np.zeros(len(arm)), np.ones(len(arm))
@@ -105,8 +103,6 @@ class FirstFault:
             self.drives.forget()
         if self._readings is not None:
             self._readings.forget()
-        if self._carrying is not None:
-            self._carrying.forget()
 
     def beware(self) -> None:
         """Takes more evidence for a fault until the arm has worked for as long as it usually takes to know it."""
@@ -135,8 +131,9 @@ class FirstFault:
             q: what the encoders read, (N, n), rad or m.
             target: desired positions, (N, n).
             effort: what acts at the samples, (N, n), in the units of the drives; NaN where nobody knows what the arm
-                carries, where drives are not judged.
-            acting: the same, also there, by which readings of an arm at rest are judged; not if it is None.
+                carries.
+            acting: the same, also there, by which drives are judged there, and readings of an arm at rest; not if it
+                is None.
         """
         judged, acting = acting is not None, effort if acting is None else acting
         if self._starts and len(t):
@@ -168,32 +165,26 @@ class FirstFault:
         if count < len(new.t):
             known = Samples(*(np.concatenate(rows) for rows in zip(*self._learning, strict=True)))
             drives = Drives(self._arm)
-            drives.learn(known.t, known.q, known.effort)
+            drives.learn(known)
             if self._wary:
                 drives.beware(self._healthy)
-            self._know(drives, habits_of(self._arm, known.q, known.target)).learn(known)
+            self._know(drives, habits_of(self._arm, known.q, known.target))
             self._learning = []
         return count
 
-    def _know(self, drives: Drives, habits: Habits) -> Carrying:
+    def _know(self, drives: Drives, habits: Habits) -> None:
         self.drives, self.habits = drives, habits
         self._readings = Readings(self._arm, drives, habits)
-        self._carrying = Carrying(self._arm, drives)
-        return self._carrying
 
     def _judge(self, new: Samples, acts: bool) -> None:
-        """Judges further samples, by what acts where nobody knows the load as well if that was told."""
+        """Judges further samples, and by what acts those of an arm at rest if that was told."""
         assert self._readings is not None
-        assert self._carrying is not None
         assert self.drives is not None
         self.time = float(new.t[-1])
         if self.settled:
             return
-        named = self.drives.follow(new.t, new.q, new.effort)
+        named = self.drives.follow(new)
         told = self._readings.follow(new, acts)
-        pushed = self._carrying.follow(new) if acts else None
-        if told is None and self.drives.alarm is None:
-            told = pushed
         self.finding = named or self.finding
         small = named is not None and self.drives.named and self.drives.is_small(named)
         if small and told is None:

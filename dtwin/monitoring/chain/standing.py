@@ -10,7 +10,6 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dtwin.arm.chain import Arm, Array
 from dtwin.monitoring.chain.expected import EVERY, WINDOW, Expected, Filtered
@@ -66,11 +65,11 @@ def standing(
 
 def smoothed(arm: Arm, q: Array, effort: Array) -> Filtered:
     """All samples with their velocities and accelerations, and what acted filtered alike."""
-    known: NDArray[np.bool_] = np.ones(len(q), dtype=bool)
+    known, nothing = np.ones(len(q), dtype=bool), np.zeros(len(q), dtype=np.intp)
     from scipy.signal import savgol_filter  # takes long to load, and is needed where a joint stays alone
 
     q, qd, qdd = (savgol_filter(q, WINDOW, _ORDER, k, arm.period, axis=0) for k in range(3))
-    return Filtered(np.zeros(len(q)), q, qd, qdd, savgol_filter(effort, WINDOW, _ORDER, axis=0), known)
+    return Filtered(np.zeros(len(q)), q, qd, qdd, savgol_filter(effort, WINDOW, _ORDER, axis=0), known, nothing)
 
 
 def _way(arm: Arm, expected: Expected, log: Filtered, effort: Array, joint: int, speed: float) -> Array:
@@ -91,7 +90,9 @@ def _way(arm: Arm, expected: Expected, log: Filtered, effort: Array, joint: int,
         rows = (each[_BEFORE + k : _BEFORE + k + 1] for each in (log.q, log.qd, log.qdd, effort))
         q, qd, qdd, acts = (np.repeat(row, 2, axis=0) for row in rows)
         q[:, joint], qd[:, joint], qdd[:, joint] = place, speed, (0.0, 1.0)
-        needed = expected.needed(Filtered(np.zeros(2), q, qd, qdd, acts, np.ones(2, dtype=bool)))[:, joint]
+        needed = expected.needed(
+            Filtered(np.zeros(2), q, qd, qdd, acts, np.ones(2, dtype=bool), np.zeros(2, dtype=np.intp))
+        )[:, joint]
         inertia = needed[1] - needed[0]
         acceleration = (acts[0, joint] - needed[0]) / inertia if inertia else 0.0
         place += period * (speed + 0.5 * period * acceleration)
