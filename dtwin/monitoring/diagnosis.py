@@ -45,8 +45,6 @@ MOST: Final = 500
 in which the arm rests, and which tell nothing, do not count"""
 EXTENDED: Final = 1500
 """samples after the alarm at which it is taken in any case: the next motions tell apart what one pose does not"""
-LONGEST: Final = 2 * EXTENDED
-"""samples after the alarm at which what an encoder jumped by is taken though the arm has rested, and none is later"""
 _PRECISE: Final = 0.02
 """standard deviation of what changed, relative to a plausible change, that is small enough to settle"""
 SURE: Final = 0.95
@@ -297,8 +295,7 @@ class Diagnosis:
             judged, likely = top.gain < CERTAIN or self.earned(), top.gain < CERTAIN or probability >= LIKELY
             # What an encoder jumped by is an offset and a wrong scale alike until the joint moves.
             waited = age - (self._resting.idle if self._temper > 1.0 else 0)
-            late = age >= (LONGEST if top.fault.kind in AT_ONCE else EXTENDED) or waited >= EXTENDED
-            return late or (judged and ((waited >= MOST and likely) or (waited >= PATIENT and located)))
+            return age >= EXTENDED or (judged and ((waited >= MOST and likely) or (waited >= PATIENT and located)))
         if top.other or top.waits or top.fault.kind == UNKNOWN:
             return age >= ENOUGH
         # What is lost has no size to be told.

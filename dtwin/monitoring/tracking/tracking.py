@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from dtwin.monitoring import diagnosis
+from dtwin.monitoring.diagnosis import EXTENDED
 from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.estimation.layout import ARM, W
 from dtwin.monitoring.estimation.traces import LONGEST, STANDSTILL
@@ -46,7 +46,7 @@ class Tracking:
 
     def __init__(self, readings: Readings, bank: SignatureBank) -> None:
         self.readings, self.bank, self.gripper, self._recall = readings, bank, GripperWatch(), Recall()
-        self.moments = Moments(LONGEST + diagnosis.LONGEST + 2)
+        self.moments = Moments(LONGEST + EXTENDED + 2)
         self.sample, self.command, self.gripped, self.used = -1, np.zeros(4), False, _NONE
         self._doubted = 0
 
