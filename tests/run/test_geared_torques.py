@@ -6,6 +6,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from dtwin.cli import main
 from dtwin.identification.chain.identify import Sample, identify
 from dtwin.run.arm_cell import ArmCell
 from dtwin.run.arm_log import read_arm_log
@@ -33,11 +34,25 @@ ADDED = "".join(f"[joints.{name}]\nspeed = 2.0\nacceleration = 6.0\nencoder = 2e
 
 
 @pytest.fixture(scope="module")
-def ran(tmp_path_factory: pytest.TempPathFactory) -> ChainRun:
+def arm_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder: Path = tmp_path_factory.mktemp("geared")
     (folder / "geared.xml").write_text(MODEL)
     (folder / "geared.toml").write_text(f'model = "geared.xml"\n{ADDED}')
-    return run(ArmCell(arm=str(folder / "geared.toml"), machine="nominal").settings(20.0, 3))
+    return folder / "geared.toml"
+
+
+@pytest.fixture(scope="module")
+def ran(arm_file: Path) -> ChainRun:
+    return run(ArmCell(arm=str(arm_file), machine="nominal").settings(20.0, 3))
+
+
+def test_the_limit_of_a_drive_is_told_before_and_behind_its_gear(
+    arm_file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["arm", "show", str(arm_file)]) == 0
+    told = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    assert all(f"1 N m, {gear:g}" in told for gear in GEARS)
+    assert "N m at the" in told
 
 
 def test_a_log_has_the_torque_at_the_joint_and_the_monitor_what_the_drive_gives(

@@ -179,3 +179,17 @@ def test_an_arm_that_was_learned_for_a_short_time_needs_more_evidence() -> None:
     assert watch is not None
     assert watch.finding is not None
     assert watch.finding.cause == "K2"
+
+
+def test_a_record_of_less_than_a_minute_asks_for_more_evidence_at_first() -> None:
+    ran = run(replace(PLANAR, faults=(parse_chain_fault("K1*=0.88@34", 2),)))
+    known, times = round(30.0 / PLANAR.arm.period), []
+    learned = acquainted(PLANAR.arm, ran.samples.rows(slice(known)), 29.9)
+    for seconds in (30.0, 61.0):
+        watch = record_of(learned, PLANAR.arm, seconds).watch(PLANAR.arm)
+        watch.follow(ran.t[known:], ran.q[known:], ran.target[known:], ran.effort[known:])
+        watch.end()
+        assert watch.finding is not None
+        assert watch.finding.cause == "K1"
+        times.append(watch.finding.time)
+    assert 34.0 < times[1] < times[0]
