@@ -17,18 +17,15 @@ from scipy.special import gammaincinv
 from dtwin.campaign.spread import Progress, Workers, Workforce
 from dtwin.commands.frame import at_least
 from dtwin.errors import IdentificationError
-from dtwin.identification.machine.judged import identify_machine, record_of
 from dtwin.identification.machine.record import MachineRecord
-from dtwin.identification.machine.sensors import check_sensors
-from dtwin.monitoring.calibration import watched
 from dtwin.monitoring.estimation.belief import commissioned
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import stream
-from dtwin.parameters import PERIOD, ArmParameters
+from dtwin.parameters import PERIOD
 from dtwin.run.options import ControlOptions
 from evidence.experiment import SeriesCommand
 from evidence.monitoring.twin_cell import TwinCell
-from evidence.monitoring.watching import FALSE, IDENTIFIED_FROM
+from evidence.monitoring.watching import FALSE, IDENTIFIED_FROM, commissioned_from
 from evidence.report import Report, page, table
 from evidence.untouched import untouched
 
@@ -88,13 +85,11 @@ def commission(item: Commissioning) -> MachineRecord | None:
     Raises:
         DtwinError: the work failed.
     """
-    log, arm = TwinCell(item.number, item.seed, ControlOptions().control()).run(item.seconds), ArmParameters()
-    part = log.part(0, round(IDENTIFIED_FROM / PERIOD))
+    log = TwinCell(item.number, item.seed, ControlOptions().control()).run(item.seconds)
     try:
-        judged, sensors = identify_machine(part, arm), check_sensors(part)
+        return commissioned_from(log, f"machine {item.number} of the twin")
     except IdentificationError:
         return None
-    return watched(record_of(judged, sensors, arm, f"machine {item.number} of the twin"), stream(log))
 
 
 def watch_shift(item: Shift) -> WatchedShift:

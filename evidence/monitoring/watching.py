@@ -13,7 +13,8 @@ from dtwin.campaign.spread import Progress, Workforce, spread
 from dtwin.emulation.faults import parse_fault
 from dtwin.errors import IdentificationError
 from dtwin.identification.machine.judged import identify_machine, record_of
-from dtwin.identification.machine.record import Grade
+from dtwin.identification.machine.load import load_on, weighed
+from dtwin.identification.machine.record import Grade, MachineRecord
 from dtwin.identification.machine.sensors import check_sensors
 from dtwin.logs.log import Log
 from dtwin.monitoring.calibration import watched
@@ -171,21 +172,30 @@ class WatchedMachine(msgspec.Struct, frozen=True):
         return self.foreign == ["misfit"]
 
 
+def commissioned_from(log: Log, source: str) -> MachineRecord:
+    """The record of an arm that was identified, whose boxes were weighed and whose monitor was calibrated from a log.
+
+    Raises:
+        IdentificationError: the log does not tell enough.
+    """
+    arm, part = ArmParameters(), log.part(0, round(IDENTIFIED_FROM / PERIOD))
+    judged, sensors = identify_machine(part, arm), check_sensors(part)
+    record = record_of(judged, sensors, arm, source)
+    return watched(weighed(record, load_on(record, log)), stream(log))
+
+
 def watch_machine(item: Work) -> WatchedMachine:
     """Commissions a drawn machine from its work, and watches other work of it, healthy and in each of SCENARIOS.
 
     Raises:
         DtwinError: a run failed.
     """
-    log, arm = worked(item).log.freeze(), ArmParameters()
+    log = worked(item).log.freeze()
     try:
-        part = log.part(0, round(IDENTIFIED_FROM / PERIOD))
-        judged, sensors = identify_machine(part, arm), check_sensors(part)
+        record = commissioned_from(log, f"machine {item.number}")
     except IdentificationError as error:
         return WatchedMachine(item.number, "unusable", str(error), 0.0, [], [], {}, [])
-    seen = stream(log)
-    record = watched(record_of(judged, sensors, arm, f"machine {item.number}"), seen)
-    belief, baselines = commissioned(record), [baseline(method, record.arm, seen) for method in METHODS]
+    belief, baselines = commissioned(record), [baseline(method, record.arm, stream(log)) for method in METHODS]
     other = item._replace(seed=item.seed + 1)
     healthy = worked(other).log.freeze()
     alarms = [event.text for event in _raised(_followed(belief, healthy))]
@@ -196,7 +206,7 @@ def watch_machine(item: Work) -> WatchedMachine:
     hours = (item.duration + sum(outcome.onset for outcome in outcomes)) / 3600.0
     foreign = _raised(_followed(belief, worked(Work(item.number + 1, other.seed, FOREIGN)).log.freeze()))
     return WatchedMachine(
-        item.number, judged.grade, "", hours, alarms, outcomes, others, [event.kind for event in foreign]
+        item.number, record.grade, "", hours, alarms, outcomes, others, [event.kind for event in foreign]
     )
 
 
