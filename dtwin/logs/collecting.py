@@ -107,7 +107,7 @@ class RunLog:
             self._events.clear()
 
     def tail(self, first: int, places: Sequence[str]) -> Tail:
-        """The ticks from a number on, as far as it still has them, at a tenth of what `since` takes.
+        """The ticks from a number on, as far as it still has them, without what says nothing of its work.
 
         Args:
             first: number of the first tick.
