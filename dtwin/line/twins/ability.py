@@ -44,6 +44,11 @@ class Capability:
         place, mass = load
         return place in self.places or mass <= dict(self.lighter).get(place, 0.0)
 
+    def times_with(self, settings: Settings | None) -> WorkTimes | None:
+        """How long its work takes with the settings that it needs, where they are still to come in the place of those
+        in force: what it took with these tells nothing then. None where they are in force, or none are needed."""
+        return self.times if self.settings != settings else None
+
     def slowed(self, why: str) -> Capability:
         """The same of an arm that brings all but is slower than it was, "" if it is so no more."""
         if self.ability not in ("all", "slower") or self.settings is not None:

@@ -78,7 +78,8 @@ class ChainNodeTwin:
     @property
     def times(self) -> WorkTimes:
         """How long its work takes: as its last boxes took, before that as a rehearsal with what is known of it."""
-        return self._work.times(self.capability.times or self._rehearsed_usual())
+        known = self.capability
+        return known.times_with(self._changed) or self._work.times(known.times or self._rehearsed_usual())
 
     def _rehearsed_usual(self) -> WorkTimes:
         """How long its work takes while nothing is wrong with it, as a rehearsal says."""

@@ -164,7 +164,8 @@ class NodeTwin:
     @property
     def times(self) -> WorkTimes:
         """How long its work takes: as its last boxes took, before that as a rehearsal with what is known of it."""
-        return self._work.times(self.capability.times or self._usual())
+        known = self.capability
+        return known.times_with(self._settings) or self._work.times(known.times or self._usual())
 
     @property
     def slowness(self) -> float | None:

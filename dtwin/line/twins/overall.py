@@ -11,7 +11,7 @@ from dtwin.bus.line.plant import WAYS, FlowQuestion, Passing, SetUpFlow
 from dtwin.line.line import Assignment, Line
 from dtwin.line.station import WorkTimes
 from dtwin.line.twins.ability import Capability
-from dtwin.line.twins.zone import AHEAD, HORIZON, NEAR, simulated
+from dtwin.line.twins.zone import AHEAD, HORIZON, NEAR, alike, simulated
 
 
 class Zone(Protocol):
@@ -87,7 +87,7 @@ class OverallTwin:
         """The best way to share the operations out among the zones; None if they cannot all be done.
 
         Boxes pass the zones in their order, so each zone does some operations in a row. What a zone makes of its own
-        is its twin's business. Of ways that are alike within half a percent the one with fewest changes is taken.
+        is its twin's business. Of ways that are alike the one with fewest changes is taken.
 
         Args:
             now: which station does what now.
@@ -102,7 +102,7 @@ class OverallTwin:
         if not found:
             return None
         most = max(way.rate for way in found)
-        good = [way for way in found if way.rate >= 0.995 * most]
+        good = [way for way in found if way.rate >= alike(ahead) * most]
         best = min(good, key=lambda way: (changed(now, way.assignment), -way.rate, sorted(way.assignment.items())))
         why = f"{best.rate:.1f} boxes/h of {len(first)} possible ways, the slowest zone is {best.slowest}"
         return Choice(dict(best.assignment), best.rate, why)

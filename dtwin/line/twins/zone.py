@@ -37,7 +37,7 @@ another one fails. Of what comes later less is certain, and it counts less."""
 NEAR: Final = 0.9
 """Share of the most boxes at a first look from which on a way gets a second one."""
 ALIKE: Final = 0.995
-"""Share of the most boxes from which on ways are alike, and the one with fewest changes is taken."""
+"""Share of the most boxes from which on ways are alike at a first look; the one with fewest changes is taken."""
 ALIKE_LATER: Final = 0.99
 """The same at later looks: with work times by class twins predict an hour that closely, and no closer."""
 SETTLING: Final = 60.0
@@ -165,6 +165,11 @@ class ZoneTwin:
         return self._known[key]
 
 
+def alike(ahead: float) -> float:
+    """Share of the most boxes from which on ways are alike, as far as they are simulated (s)."""
+    return ALIKE if ahead <= AHEAD else ALIKE_LATER
+
+
 def best_first(found: Sequence[SetUpFlow], question: FlowQuestion) -> list[SetUpFlow]:
     """Of what ways bring, the best ones, as many as a question asks for at most, that are NEAR the very best."""
 
@@ -172,11 +177,10 @@ def best_first(found: Sequence[SetUpFlow], question: FlowQuestion) -> list[SetUp
         changes = sum(question.set_up.get(name) != station for name, station in flow.set_up.items())
         return changes, -flow.rate, sorted(flow.set_up.items())
 
-    alike = ALIKE if question.ahead <= AHEAD else ALIKE_LATER
     left, best = list(found), list[SetUpFlow]()
     while left and len(best) < question.ways:
         most = max(flow.rate for flow in left)
-        flow = min((each for each in left if each.rate >= alike * most), key=preference)
+        flow = min((each for each in left if each.rate >= alike(question.ahead) * most), key=preference)
         if best and flow.rate < NEAR * best[0].rate:
             break
         left.remove(flow)
