@@ -16,7 +16,7 @@ from dtwin.errors import DtwinError
 from dtwin.line.file import line_of
 from dtwin.line.run import LineRun, LineSettings
 from dtwin.line.station import FREE, HOLDING, EmulatedStation, Input, WorkTimes, settings_text
-from dtwin.line.stations import replayed
+from dtwin.line.stations import emulated, replayed
 from dtwin.line.twins import zone
 from dtwin.line.twins.ability import Capability
 from dtwin.line.twins.decisions import Decision, Mode
@@ -63,6 +63,20 @@ def test_a_size_counts_relative_to_a_motors_constant_and_as_it_is_for_friction()
     supply = twin().judged(found("supply", -0.1))
     assert isinstance(supply.settings, ArmSettings)
     assert supply.settings.model.voltage_constant == pytest.approx(0.9 * np.array(HEALTHY.voltage_constant))
+
+
+def test_what_an_arm_took_tells_nothing_of_settings_that_are_still_to_come() -> None:
+    node, station = twin(), emulated(PLAN)
+    station.advance(500)
+    for _ in range(3):
+        station.give("bring", 0.2, "red")
+        for _ in range(30):
+            node.watch(station.log, station.advance(30).arm)
+    before = node.times
+    node.capability = able = node.judged(found("D2", 5.0 * HEALTHY.get("D2")))
+    assert able.times is not None
+    assert node.times == able.times
+    assert node.times.carry["red"] > before.carry["red"] + 0.2
 
 
 def test_no_settings_are_tried_beyond_their_bounds() -> None:

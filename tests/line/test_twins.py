@@ -170,6 +170,15 @@ def test_of_ways_that_are_alike_the_one_with_fewest_changes_is_taken() -> None:
     assert zone.flows(FlowQuestion(("deburr", "mark"), now)) == [SetUpFlow(now, 100.0)]
 
 
+@pytest.mark.parametrize(("ahead", "stays"), [(AHEAD, False), (HOUR, True)])
+def test_the_line_changes_nothing_for_less_than_its_twins_tell_apart(ahead: float, stays: bool) -> None:
+    zones = [Told(LINE, 0, {1: 150.0, 2: 140.0, 3: 60.0}), Told(LINE, 1, {1: 150.0, 2: 99.2, 3: 100.0})]
+    choice = OverallTwin(LINE, zones).choose(LINE.assignment, ahead=ahead)
+    assert choice is not None
+    assert (choice.assignment == LINE.assignment) == stays
+    assert choice.rate == (99.2 if stays else 100.0)
+
+
 def test_as_many_ways_are_told_as_are_asked_for_and_near_the_best() -> None:
     flows = [SetUpFlow({"mark": f"a{number}"}, rate) for number, rate in enumerate((100.0, 99.2, 91.0, 89.0), 1)]
     told = [
