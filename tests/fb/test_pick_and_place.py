@@ -128,6 +128,23 @@ def test_noise_of_the_encoders_does_not_keep_the_arm_from_settling(seed: int) ->
     assert "CLOSE" in states
 
 
+@pytest.mark.parametrize(("error", "after"), [(0.04, "OPEN"), (0.06, "CARRY")])
+@pytest.mark.parametrize("joint", [1, 2, 3])
+def test_an_arm_that_leaves_the_place_while_the_gripper_opens_closes_it_again(
+    error: float, after: str, joint: int
+) -> None:
+    cell = FedBlock()
+    cell.advance_to("OPEN")
+    there = cell.sensors[f"THETA{joint}"]
+    assert cell.tick(**{f"THETA{joint}": there - error}, GRIPPER=0.5) == after
+    assert cell.block["GRIPPED"]
+    if after == "CARRY":
+        assert cell.block["V_GRIPPER"] == -3.0
+        assert cell.tick(GRIPPER=OPEN) == "CARRY", "it has not come back"
+        cell.ticks_until("OPEN", 200, **{f"THETA{joint}": there}, GRIPPER=CLOSED)
+    assert cell.tick(**{f"THETA{joint}": there}, GRIPPER=OPEN) == "RETURN"
+
+
 def test_a_held_arm_neither_grips_nor_releases() -> None:
     cell = FedBlock()
     cell.advance_to("CLOSE")

@@ -85,6 +85,28 @@ def test_a_jaw_that_goes_where_it_is_driven_does_not_fail(strength: float, stop:
     assert judged(CYCLE, (np.array(driven(CYCLE, strength, stop)) + noise).tolist()) == []
 
 
+REVERSED = [*CYCLE, *[-3.0] * 200]
+
+
+@pytest.mark.parametrize("turns", range(5, 40, 5))
+@pytest.mark.parametrize("begins", [450, 650, 800])
+@pytest.mark.parametrize("strength", [0.6, 1.0, 1.4])
+def test_a_jaw_that_is_driven_back_in_mid_course_is_braked_first(turns: int, begins: int, strength: float) -> None:
+    """An arm that is stopped, or leaves its place, while its gripper opens has it closed again."""
+    volts = [*REVERSED[: begins + turns], *[-u for u in REVERSED[begins : begins + 100]]]
+    noise = np.random.default_rng(begins + turns).normal(0.0, 0.001, len(volts))
+    assert judged(volts, (np.array(driven(volts, strength)) + noise).tolist()) == []
+
+
+def test_a_jaw_that_is_not_braked_fails() -> None:
+    """Its motor has died in mid-course: it goes on to its stop."""
+    volts = [*CYCLE[:675], *[-3.0] * 100]
+    angles = driven([*CYCLE[:675], *[0.0] * 100])
+    (at, fails), *_ = judged(volts, angles)
+    assert fails
+    assert 675 < at < 675 + 70
+
+
 @pytest.mark.parametrize("start", [100, 300, 450, 650])
 def test_a_jaw_that_stays_fails_within_half_a_second_of_its_command(start: int) -> None:
     angles = driven(CYCLE)

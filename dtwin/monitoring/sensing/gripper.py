@@ -33,6 +33,8 @@ _STANDS: Final = 0.005
 """How far readings of a jaw that stands differ, rad: three steps of an encoder of 12 bits."""
 _STOOD: Final = 30
 """Number of samples after which a jaw counts as standing."""
+_MOVING: Final = 2
+"""Number of samples for which readings of a jaw that moves do not differ by more than those of one that stands."""
 _TELLS: Final = 60
 """samples after which a jaw that was pushed open and has come neither farther nor back is no failure"""
 _UNSEEN: Final = 10
@@ -76,13 +78,13 @@ class GripperWatch:
             self._start_move(sample, angle, direction)
         if not direction:
             return False
+        moved, goes = direction * (angle - self._from), direction * (angle - self._place) > 0.0
         if abs(angle - self._place) > _STANDS:
             stood = self._judged and self._moves and sample >= self._reached + _STOOD
             if direction < 0 and stood and self.stirred < self._start:
                 self.stirred, self._held = sample, self._place
             self._place, self._reached = angle, sample
-        moved = direction * (angle - self._from)
-        self._farthest = max(self._farthest, moved)
+        self._farthest = max(self._farthest, moved) if goes else self._farthest
         if not self._judged and (moved >= 0.5 * self._way or sample >= self._late):
             self._judged, self._moves = True, self._moves or moved >= 0.5 * self._way
             self.fails = self._moves and moved < 0.5 * self._way
@@ -127,14 +129,23 @@ class GripperWatch:
         return float(_farthest(*how, angle.copy(), volts.copy()))
 
     def _start_move(self, sample: int, angle: float, direction: int) -> None:
-        """The drive changes with a sample."""
+        """The drive changes with a sample.
+
+        A jaw that moves the other way has to be braked first, which takes no farther and no longer than it has gone.
+        """
         gripper = self._gripper
         middle = 0.5 * (gripper.closed + gripper.opened)
-        way = gripper.opened - angle if direction > 0 else angle - middle
-        self._direction, self._start, self._from, self._farthest, self._way = direction, sample, angle, 0.0, way
+        went = self._direction * (angle - self._place) > 0.0 and sample <= self._reached + _MOVING
+        braking, coasts = (
+            (sample - self._start, self._farthest) if went and direction == -self._direction else (0, 0.0)
+        )
+        begin = angle - direction * coasts
+        way = gripper.opened - begin if direction > 0 else begin - middle
+        self._direction, self._start, self._from, self._farthest, self._way = direction, sample, begin, 0.0, way
         self._place, self._reached, self.stirred = angle, sample, min(self.stirred, sample - 1)
         self._judged = not direction or way < _LEAST_WAY
-        self._late = sample + math.ceil(_SLOWER * self._time_for(0.5 * way) / PERIOD) if not self._judged else sample
+        time = 0.0 if self._judged else self._time_for(0.5 * way)
+        self._late = sample + braking + math.ceil(_SLOWER * time / PERIOD)
 
     def _driven(self, volts: float) -> int:
         """1 while the gripper is opened, -1 while it is closed, 0 while neither."""
