@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.arm.chain import Arm, Array, servo_torque
+from dtwin.arm.differences import rates
 
 BEFORE: Final = 3
 """Samples before one, beside those that commands come late, on which depends what acts at it."""
@@ -55,7 +56,7 @@ def effort_of(arm: Arm, q: Array, command: Array, late: int) -> Array:
         return acting(command, late)
     asked = q[0] + acting(command - q[0], late)
     asked[1:-1] -= (asked[2:] - 2.0 * asked[1:-1] + asked[:-2]) / 12.0
-    return servo_torque(arm, asked, q, _velocity(q, arm.period))
+    return servo_torque(arm, asked, q, rates(q, arm.period, _AHEAD))
 
 
 def logged(arm: Arm) -> Array:
@@ -65,14 +66,6 @@ def logged(arm: Arm) -> Array:
     """
     actuators = [joint.actuator for joint in arm.joints]
     return np.array([(a.constant or 1.0) if a.commanded == "torque" else 1.0 for a in actuators])
-
-
-def _velocity(q: Array, period: float) -> Array:
-    """Velocities at the samples, (N, n), by differences of fourth order: what others miss is told as friction."""
-    found: Array = np.gradient(q, period, axis=0)
-    if len(q) > 2 * _AHEAD:
-        found[2:-2] = (8.0 * (q[3:-1] - q[1:-3]) - (q[4:] - q[:-4])) / (12.0 * period)
-    return found
 
 
 def unladen(effort: Array, gripped: NDArray[np.bool_]) -> Array:

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dtwin.arm.chain import Arm, Array, steiner
+from dtwin.arm.differences import rates
 from dtwin.equations.rigid import regressor
 from dtwin.errors import IdentificationError
 from dtwin.identification.chain.friction import Group, Scale, Terms, friction_terms
@@ -187,8 +188,8 @@ def _even(part: Measurement, dt: float, filtering: Filtering, held: bool) -> Smo
 
     corner = min(filtering.fine * filtering.cutoff, 0.4 / dt)
     q = low_passed(on_grid(part.q), dt, corner, 2)
-    v = np.gradient(q, dt, axis=0) if part.v is None else low_passed(on_grid(part.v), dt, corner, 2)
-    a = np.gradient(v, dt, axis=0)
+    v = rates(q, dt) if part.v is None else low_passed(on_grid(part.v), dt, corner, 2)
+    a = rates(v, dt)
     assert part.effort is not None
     warm = None if part.temperature is None else on_grid(part.temperature)
     motor, command = (
