@@ -43,6 +43,16 @@ def test_an_arm_at_rest_is_not_driven_by_an_encoder_that_has_stopped(trial: Froz
     assert found.lost == 0
 
 
+@pytest.mark.parametrize(
+    "trial", [Frozen(94002, 94002, 1, 13.0), Frozen(94002, 94002, 2, 13.0), Frozen(94004, 94004, 1, 13.3)]
+)
+def test_a_joint_whose_encoder_has_stopped_falls_no_faster_than_asked(trial: Frozen) -> None:
+    """They fell at 8.8, 9.3 and 6.5 rad/s before the voltages answered to what the joints beyond feel."""
+    found = freeze(trial)
+    assert found.fastest < FAST < found.falling
+    assert found.torque_off_s is None
+
+
 def test_the_page_counts_runs_by_encoder_and_box() -> None:
     held = FrozenOutcome(7, 1, 12.3, True, 0.12, None, 3.0, 7.0, 0.01, 0)
     fell = FrozenOutcome(7, 1, 13.0, True, 0.12, 1.5, 8.0, 9.0, 2.0, 1)

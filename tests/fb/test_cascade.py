@@ -269,3 +269,48 @@ def test_what_a_stopped_reading_has_asked_for_is_taken_back() -> None:
     assert block["SUM2"] == pytest.approx(kept[1] + 0.01 * KI[1] * 0.001, rel=1e-9), (
         "it goes on when it is seen again"
     )
+
+
+@pytest.mark.parametrize(("joint", "sight"), [(1, (-1, 1, 1)), (2, (1, -1, 1))])
+def test_a_joint_that_nobody_sees_is_given_inertia_by_what_the_joints_beyond_feel(
+    joint: int, sight: tuple[int, ...]
+) -> None:
+    """Its voltage differs from that of the law by 0.6 (joint 1) or 0.3 of what its acceleration takes, no more."""
+    theta = np.array([0.4, -0.8, 0.6])
+    block, free = cascade(), cascade()
+    for each in (block, free):
+        fire(each, theta, np.zeros(3), rest(theta))
+    block.fire("REQ", **{f"SIGHT{k}": one for k, one in enumerate(sight, 1)})
+    free.fire("REQ", **{f"SIGHT{k}": max(one, 0) for k, one in enumerate(sight, 1)})
+    np.testing.assert_array_equal(block.triple("V"), free.triple("V"))
+    torque = np.array([0.3 + 7.0 * block["M11"], 0.3 + 7.0 * block["M22"], 0.3 + 7.0 * block["J33"]])
+    before = block.triple("EFFORT") * torque
+    for size in (0.0002, 0.08):
+        off = theta - np.array([0.0, 0.0, size])
+        added = (fire(block, off, np.zeros(3), rest(theta)) - fire(free, off, np.zeros(3), rest(theta))) * K
+        felt = block.triple("EFFORT") * torque - before
+        felt -= np.clip(felt, -0.05, 0.05)
+        column = np.array([block["M11"], block["M21"], block["M31"]])
+        if joint == 2:
+            column = np.array([0.0, block["M22"], block["M32"]])
+        beyond, own = column[joint:], column[joint - 1]
+        expected = np.zeros(3)
+        braking = {1: 0.6, 2: 0.3}[joint] * own * beyond @ felt[joint:] / (beyond @ beyond + 0.01 * own**2)
+        expected[joint - 1] = -np.clip(braking, -0.25, 0.25)
+        np.testing.assert_allclose(added, expected, rtol=1e-9, atol=1e-12)
+        assert (added[joint - 1] != 0.0) == (size > 0.01), "friction may hold what is less"
+
+
+def test_what_the_joints_beyond_feel_is_forgotten_when_a_path_begins_or_the_joint_is_seen() -> None:
+    theta = np.array([0.4, -0.8, 0.6])
+    for event, inputs in (("RESET", {}), ("REQ", {"SIGHT1": 1})):
+        block = cascade()
+        block.fire("REQ", SIGHT1=-1, SIGHT2=1, SIGHT3=1)
+        assert block["UNSEEN"]
+        block.fire(event, **inputs)
+        assert not block["UNSEEN"]
+    block = cascade()
+    for _ in range(2):
+        block.fire("REQ", SIGHT1=-1, SIGHT2=1, SIGHT3=-1)
+        assert not block["UNSEEN"], "what moves more than one joint is not known"
+    assert fire(block, theta, np.zeros(3), rest(theta)).shape == (3,)
