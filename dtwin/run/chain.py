@@ -342,7 +342,7 @@ def run(
     rows = np.zeros((4, ticks, len(arm)))
     poses, places, gripped = np.zeros(ticks), np.zeros((ticks, 2)), np.zeros(ticks, dtype=bool)
     boxes = None if settings.sorting is None else Boxes(settings.sorting, settings.seed)
-    ahead = None if beside is not None else ChainTicks(plant, controller, len(arm))
+    ahead = None if beside is not None else ChainTicks(plant, controller, len(arm), arm.period)
     done = 0
     while done < ticks and not controller.done and (between is None or between(done)):
         box = 0 if boxes is None else boxes.waiting(plant.time)

@@ -8,6 +8,7 @@ import pytest
 
 from dtwin.arm.model import ArmModel
 from dtwin.controller.runtime import chosen
+from dtwin.emulation.chain.faults import parse_chain_fault
 from dtwin.errors import NativeError
 from dtwin.run.arm_cell import ArmCell
 from dtwin.run.chain import ChainRun, ChainSettings, run
@@ -34,6 +35,14 @@ def test_machine_code_leaves_the_rows_of_a_loop_in_python(name: str, machine: st
     assert len(fast.t) == round(6.0 / fast.settings.arm.period)
     assert np.ptp(fast.true, axis=0).max() > 0.5
     assert same(fast, slow)
+
+
+@pytest.mark.parametrize("faults", [("K1*=0.8@4.003",), ("freeze2@3-4", "push1+=2@5"), ("friction2*=2@0.01",)])
+def test_ticks_before_the_first_fault_are_those_of_a_loop_in_python(faults: tuple[str, ...]) -> None:
+    settings = replace(ArmCell(arm="planar-2r", machine="31", late=1).settings(6.0), seed=5)
+    fast, slow = both(replace(settings, faults=tuple(parse_chain_fault(fault, 2) for fault in faults)))
+    assert same(fast, slow)
+    assert not same(fast, run(settings))
 
 
 def test_boxes_come_and_go_between_ticks_in_machine_code(tmp_path: Path) -> None:
