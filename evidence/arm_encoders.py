@@ -122,8 +122,8 @@ def lied(trial: Trial) -> Lie:
     fault = ChainFault(kind, trial.joint, value, begin)
     stops, told = list[float](), [0]
 
-    def look(blocks: Any, rows: Array, done: int) -> None:
-        del rows
+    def look(blocks: Any, rows: Array, gripped: Any, done: int) -> None:
+        del rows, gripped
         if blocks.stop and not stops:
             stops.append(done * settings.arm.period - begin)
             told[0] = blocks.doubted

@@ -58,7 +58,7 @@ def walked(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
                 (folder / waiting[language].pop(0)).write_text(text)
             elif language == "sh":
                 short = re.sub(r"--duration \d+(?!.*--fault|.*healthy\.parquet)", "--duration 10", text)
-                short = short.replace("--candidates 24", "--candidates 24 --arms 0")
+                short = short.replace("--candidates 24", "--candidates 24 --arms 0").replace("--end 4", "--end 1")
                 for line in short.replace("excite mine.toml", "excite mine.toml --candidates 2").splitlines():
                     program, *words = shlex.split(line, comments=True)
                     patch.setattr(sys, "argv", ["dtwin", *words])  # of which a cell in the background is made

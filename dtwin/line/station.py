@@ -45,6 +45,10 @@ OFFERED: Final = 1
 HOLDING: Final = 2
 
 
+InputKind = Literal["bring", "take", "failed", "angles unknown", "settings", "release", "fault"]
+"""What the line may do to a station, see `Input`."""
+
+
 @dataclass(frozen=True, slots=True)
 class Input:
     """Something that the line does to a station between two ticks.
@@ -59,7 +63,7 @@ class Input:
     """
 
     tick: int
-    kind: Literal["bring", "take", "failed", "angles unknown", "settings", "release", "fault"]
+    kind: InputKind
     mass: float = 0.0
     text: str = ""
 
@@ -93,7 +97,7 @@ class Points(NamedTuple):
 class Station(Protocol):
     """A station."""
 
-    def give(self, kind: str, mass: float = 0.0, text: str = "") -> None:
+    def give(self, kind: InputKind, mass: float = 0.0, text: str = "") -> None:
         """Does something to it before the next tick; the kinds are those of `Input`."""
 
     def advance(self, ticks: int) -> Report:
@@ -149,8 +153,8 @@ class EmulatedStation:
         self._ahead = 0
         self._meanwhile = self._next = Report(FREE, 0, ())
 
-    def give(self, kind: str, mass: float = 0.0, text: str = "") -> None:
-        self.apply(Input(self._ticks, kind, mass, text))  # type: ignore[arg-type]
+    def give(self, kind: InputKind, mass: float = 0.0, text: str = "") -> None:
+        self.apply(Input(self._ticks, kind, mass, text))
 
     def fault_end(self, text: str) -> float | None:
         """When a fault is over, s; None if it lasts. Raises FaultError."""
@@ -350,7 +354,7 @@ class TimedStation:
         self._picks = now.began if now.arm == HOLDING else max(now.began, self._ready) + self._times.grip
         self._delivers = self._picks + self._times.carried(now.place, kind)
 
-    def give(self, kind: str, mass: float = 0.0, text: str = "") -> None:
+    def give(self, kind: InputKind, mass: float = 0.0, text: str = "") -> None:
         if kind == "bring":
             self._arm, self._place = OFFERED, text
             self._picks = max(self._time, self._ready) + self._times.grip

@@ -313,13 +313,16 @@ def _above_and_at(arm: Arm, task: Sorting, point: Array, near: Array) -> tuple[A
     raise refused
 
 
-Beside = Callable[[ChainController, Array, int], None]
-"""Is called in every tick once the blocks have answered: with the blocks, with the readings, targets and commands,
-(3, N, n), of which only those of the ticks so far are filled, and with the number of these."""
+Beside = Callable[[ChainController, Array, NDArray[np.bool_], int], None]
+"""Is called between ticks: with the blocks, with the readings, targets and commands, (3, N, n), and whether the
+gripper is closed, (N,), of which only those of the ticks so far are filled, and with the number of these."""
 
 
 def run(
-    settings: ChainSettings, between: Callable[[int], bool] | None = None, beside: Beside | None = None
+    settings: ChainSettings,
+    between: Callable[[int], bool] | None = None,
+    beside: Beside | None = None,
+    every: int = 1,
 ) -> ChainRun:
     """Runs an arm.
 
@@ -327,6 +330,7 @@ def run(
         settings: the run.
         between: is called between two ticks with the number of ticks done; False ends the run.
         beside: who looks on and may change what the blocks count on.
+        every: number of ticks after which that is.
 
     Raises:
         ModelError: something of the arm is not known that its controller needs.
@@ -342,19 +346,22 @@ def run(
     rows = np.zeros((4, ticks, len(arm)))
     poses, places, gripped = np.zeros(ticks), np.zeros((ticks, 2)), np.zeros(ticks, dtype=bool)
     boxes = None if settings.sorting is None else Boxes(settings.sorting, settings.seed)
-    ahead = None if beside is not None else ChainTicks(plant, controller, len(arm))
+    ahead = None if beside is not None and every == 1 else ChainTicks(plant, controller, len(arm), arm.period)
     done = 0
     while done < ticks and not controller.done and (between is None or between(done)):
         box = 0 if boxes is None else boxes.waiting(plant.time)
         passed, answered = 0, False
         if ahead is not None:
             most = MOST if boxes is None else until(plant.time, boxes.next_box, arm.period)
+            most = most if beside is None else min(most, every - done % every)
             span, closed = slice(done, min(done + most, ticks)), controller.grips
             passed, answered = ahead.run(rows[:, span], poses[span], box)
             places[done : done + passed] = (0, 0) if boxes is None else boxes.places
             gripped[done : done + passed] = closed
             done += passed
         if passed and not answered:
+            if beside is not None and done % every == 0:
+                beside(controller, rows[:3], gripped, done)
             continue
         if not answered:
             read = plant.read()
@@ -370,8 +377,8 @@ def run(
         plant.apply(rows[2, done], controller.brakes)
         plant.advance()
         done += 1
-        if beside is not None:
-            beside(controller, rows[:3], done)
+        if beside is not None and done % every == 0:
+            beside(controller, rows[:3], gripped, done)
     counts = None if boxes is None else boxes.counts
     t: Array = np.arange(done, dtype=np.float64) * arm.period
     seconds = time.perf_counter() - began

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dtwin.arm.adjustment import Adjustment
 from dtwin.arm.chain import Arm, Array, Joint
@@ -109,22 +110,18 @@ class Onlooker:
     def __init__(self, settings: ChainSettings) -> None:
         self._settings = settings
         self._seen = 0
-        self._gripped: list[bool] = []
         self.operator: ArmOperator | None = None
 
-    def __call__(self, blocks: ChainController, rows: Array, done: int) -> None:
-        """Looks at what has passed since the last time, once that is enough."""
+    def __call__(self, blocks: ChainController, rows: Array, gripped: NDArray[np.bool_], done: int) -> None:
+        """Looks at what has passed since the last time."""
         arm, late = self._settings.arm, self._settings.late
         if self.operator is None:
             self.operator = ArmOperator(arm, blocks)
-        self._gripped.append(blocks.grips)
-        if done - self._seen < _AT_ONCE:
-            return
         later = ahead(arm)
         begin, end = max(0, self._seen - later), done - later
         first = max(0, begin - late - BEFORE)
         acting = effort_of(arm, rows[0, first:done], rows[2, first:done], late)
-        known = unladen(acting, np.array(self._gripped[first:done]))
+        known = unladen(acting, gripped[first:done])
         acting, known = (each[begin - first : end - first] for each in (acting, known))
         t: Array = arm.period * np.arange(begin, end, dtype=np.float64)
         self.operator.follow(t, rows[0, begin:end], rows[1, begin:end], known, acting)
@@ -150,7 +147,7 @@ def recovery_case(
         shifted = replace(fault, start=fault.start + later, end=fault.end + later)
         settings = replace(usual, duration=shifted.start + after, faults=(shifted,))
         onlooker = Onlooker(settings)
-        ran = run(settings, beside=onlooker)
+        ran = run(settings, beside=onlooker, every=_AT_ONCE)
         assert onlooker.operator is not None
         longer = onlooker.operator.monitor.healthy - HEALTHY
         if longer <= later:

@@ -166,6 +166,9 @@ def test_all_kinds_of_events_are_described_and_unknown_ones_are_passed_on() -> N
         (SettingsRequest, b'{"schema":1,"payload":0.2,"pole":9.0}', "unknown field `pole`"),
         (UploadRequest, b'{"schema":1,"who":"a","why":"b","based_on":1,"payload":0.2,"tuning":{}}', "field `tuning`"),
         (JointUploadRequest, b'{"schema":1,"who":"a","why":"b","based_on":1,"gains":{}}', "unknown field `gains`"),
+        (SettingsRequest, b'{"schema":1,"model":{"masses":[1,1,1]}}', r"unknown field `masses` - at `\$.model`"),
+        (UploadRequest, b'{"schema":1,"who":"a","why":"b","based_on":1,"model":{"mas":[1,1,1]}}', "field `mas` - at"),
+        (JointUploadRequest, b'{"schema":1,"who":"a","why":"b","based_on":1,"tuning":{"polle":9}}', "`polle` - at"),
     ],
 )
 def test_settings_are_checked_where_they_arrive(message: type, payload: bytes, said: str) -> None:

@@ -41,8 +41,7 @@ def ticks(plant: ChainPlant, blocks: ChainController, count: int) -> None:
 def test_a_joint_whose_encoder_lies_is_braked_and_the_others_stay_under_control() -> None:
     seen: list[tuple[int, tuple[bool, ...]]] = []
 
-    def look(blocks: Any, rows: np.ndarray, done: int) -> None:
-        del rows, done
+    def look(blocks: Any, *_: Any) -> None:
         seen.append((blocks.stop, blocks.brakes))
 
     ran = run(ArmCell(arm="planar-2r", machine="5", faults=("bias2+=0.3@1.2",)).settings(2.6, 3), beside=look)

@@ -25,8 +25,7 @@ def doubted(arm: str, *faults: str, duration: float, machine: str = "5") -> tupl
     """The run, the number of the joint that was doubted, and the largest count of doubts."""
     told, most = [0], [0.0]
 
-    def look(blocks: Any, rows: np.ndarray, done: int) -> None:
-        del rows, done
+    def look(blocks: Any, *_: Any) -> None:
         told[0] = told[0] or blocks.doubted
         most[0] = max(most[0], *(float(reader()[1]) for reader in blocks._doubts))
 

@@ -24,6 +24,7 @@ from dtwin.bus.line.plant import (
     ArmSettings,
     FlowAnswer,
     FlowQuestion,
+    Passing,
     PlantSetUp,
     PlantState,
     PlantWord,
@@ -42,9 +43,11 @@ from dtwin.line.live.between import Between
 from dtwin.line.live.overall import LiveOverall
 from dtwin.line.live.plant import LivePlant
 from dtwin.line.live.zone import LiveZone
+from dtwin.line.situation import Situation
 from dtwin.line.station import WorkTimes
 from dtwin.line.twins import node, zone
 from dtwin.line.twins.decisions import Decision
+from dtwin.line.twins.forward import Change, Forward
 from dtwin.line_file import LineFile
 from dtwin.parameters import ArmParameters
 from dtwin.signals import Sensors
@@ -62,7 +65,15 @@ SLOW = ArmSettings(2.0, ArmParameters())
 @pytest.fixture(scope="module", autouse=True)
 def _quick() -> Iterator[None]:
     """Short rehearsals and simulations in the place of long ones: what is asked is what is looked at here."""
+    left_zone = Forward.left_zone
+
+    def soon(
+        self: Forward, number: int, now: Situation, change: Change, horizon: float, *before: Passing | None
+    ) -> Any:
+        return left_zone(self, number, now, change, min(horizon, 20.0), *before)
+
     with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Forward, "left_zone", soon)
         patch.setattr(zone, "simulated", lambda line, times: 60.0)
         patch.setattr(zone, "AHEAD", 1.0)
         patch.setattr(node, "rehearsed", lambda plan, usual: WorkTimes(0.5, TIMES, TIMES))

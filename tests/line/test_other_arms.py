@@ -276,6 +276,7 @@ def test_what_settings_are_in_force_is_what_the_twin_knows_of_the_arm(line: Line
     assert (twin.capability.ability, twin.capability.settings) == ("all", None)
 
 
+@pytest.mark.thorough  # that a lock leaves nothing is judged above, and work moves away in tests/line/test_live.py
 def test_work_moves_away_from_another_arm_that_fails_and_comes_back(
     line: Line, monkeypatch: pytest.MonkeyPatch
 ) -> None:

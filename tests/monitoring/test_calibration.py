@@ -35,6 +35,13 @@ def fewer_choices(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(calibration, name, getattr(calibration, name)[:2])
 
 
+@pytest.fixture
+def fewest_choices(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two choices of how large the torques are, and one of each other kind."""
+    for name, count in (("SHARES", 2), ("COMPLIANCES", 1), ("DISPLACEMENTS", 1), ("STICKING", 1), ("MEMORIES", 1)):
+        monkeypatch.setattr(calibration, name, getattr(calibration, name)[:count])
+
+
 @pytest.fixture(scope="module")
 def learned(pushed: tuple[Stream, Belief]) -> Belief:
     """What is believed of that arm after the run."""
@@ -55,7 +62,7 @@ def test_an_arm_that_the_model_lacks_is_no_alarm_once_it_is_calibrated(
     assert 1.5 <= learned.misfit < belief.misfit
 
 
-@pytest.mark.usefixtures("fewer_choices")
+@pytest.mark.usefixtures("fewest_choices")
 def test_what_is_learned_of_an_arm_is_what_is_begun_with(pushed: tuple[Stream, Belief]) -> None:
     seen, belief = pushed
     unsure = np.diag([(0.3 * belief.arm.get(name)) ** 2 if name in LEARNED else 0.0 for name in ARM_NAMES])
@@ -130,7 +137,7 @@ def test_impossible_torques_are_refused(wrong: dict[str, object]) -> None:
         Unmodelled(**wrong)  # type: ignore[arg-type]  # the values are wrong, not their types
 
 
-@pytest.mark.usefixtures("fewer_choices")
+@pytest.mark.usefixtures("fewest_choices")
 def test_gaps_and_readings_that_say_nothing_are_no_torques(pushed: tuple[Stream, Belief], learned: Belief) -> None:
     seen, belief = pushed
     sample, measured = seen.sample.copy(), seen.measured.copy()

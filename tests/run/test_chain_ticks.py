@@ -2,12 +2,14 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from dtwin.arm.model import ArmModel
 from dtwin.controller.runtime import chosen
+from dtwin.emulation.chain.faults import parse_chain_fault
 from dtwin.errors import NativeError
 from dtwin.run.arm_cell import ArmCell
 from dtwin.run.chain import ChainRun, ChainSettings, run
@@ -36,6 +38,14 @@ def test_machine_code_leaves_the_rows_of_a_loop_in_python(name: str, machine: st
     assert same(fast, slow)
 
 
+@pytest.mark.parametrize("faults", [("K1*=0.8@4.003",), ("freeze2@3-4", "push1+=2@5"), ("friction2*=2@0.01",)])
+def test_ticks_before_the_first_fault_are_those_of_a_loop_in_python(faults: tuple[str, ...]) -> None:
+    settings = replace(ArmCell(arm="planar-2r", machine="31", late=1).settings(6.0), seed=5)
+    fast, slow = both(replace(settings, faults=tuple(parse_chain_fault(fault, 2) for fault in faults)))
+    assert same(fast, slow)
+    assert not same(fast, run(settings))
+
+
 def test_boxes_come_and_go_between_ticks_in_machine_code(tmp_path: Path) -> None:
     (tmp_path / "sort.toml").write_text(TASK)
     cell = ArmCell(arm="planar-2r", machine="8", sort=tmp_path / "sort.toml")
@@ -44,6 +54,24 @@ def test_boxes_come_and_go_between_ticks_in_machine_code(tmp_path: Path) -> None
     assert fast.boxes.delivered >= 2
     assert fast.boxes == slow.boxes
     assert same(fast, slow)
+
+
+def looked_at(settings: ChainSettings, every: int) -> list[tuple[int, bytes]]:
+    seen: list[tuple[int, bytes]] = []
+
+    def look(blocks: Any, rows: np.ndarray, gripped: np.ndarray, done: int) -> None:
+        seen.append((done, rows[:, :done].tobytes() + gripped[:done].tobytes()))
+
+    run(settings, beside=look, every=every)
+    return seen
+
+
+def test_who_looks_on_now_and_then_sees_the_ticks_of_a_loop_in_python(tmp_path: Path) -> None:
+    (tmp_path / "sort.toml").write_text(TASK)
+    cell = ArmCell(arm="planar-2r", machine="8", sort=tmp_path / "sort.toml", faults=("K1*=0.8@5.5",))
+    seen = looked_at(cell.settings(8.0, 3), 20)
+    assert [done for done, _ in seen] == list(range(20, 801, 20))
+    assert seen == looked_at(cell.settings(8.0, 3), 1)[19::20]
 
 
 def test_whole_numbers_are_limits_and_constants_as_well() -> None:

@@ -377,7 +377,8 @@ def test_a_secured_cell_uploads_identifies_and_monitors(
             assert bus.ask(UPLOAD, None, Upload).model != ArmParameters()
             until(lambda: verdicts, "the monitor is heard")
             until(lambda: not bus.ask(UPLOAD, None, Upload).on_trial, "the trial is over")
-            an_ai_proposes_with_a_certificate_of_its_own(secured, desk, tmp_path)
+            with desk.standing_still():
+                an_ai_proposes_with_a_certificate_of_its_own(secured, desk, tmp_path)
         assert "is down" in desk.run("down")
     finally:
         for pid in desk.processes():

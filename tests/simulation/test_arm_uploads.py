@@ -213,7 +213,7 @@ def test_a_model_that_knows_what_the_integrals_have_balanced_jolts_no_arm(anothe
     known = with_model(settings.arm, ArmModel.of(replace(settings.machine.arm, joints=tuple(joints))))
     told = held_inputs(known, usual_inertia(known), settings.control)
 
-    def tell(blocks: ChainController, rows: np.ndarray, done: int) -> None:
+    def tell(blocks: ChainController, rows: np.ndarray, gripped: np.ndarray, done: int) -> None:
         if done == 850:
             blocks.reckon_with(told, another)
 

@@ -23,7 +23,7 @@ from dtwin.errors import CommunicationError
 from dtwin.parameters import PERIOD, ROOT
 from dtwin.services import runfile
 from dtwin.signals import BoxCounts
-from tests.support.waiting import until
+from tests.support.waiting import pause, until
 
 T = TypeVar("T")
 BUSY: Final = "[boxes]\nfirst = 1.0\nevery = 2.0\n"
@@ -94,6 +94,7 @@ class Desk:
         last = self.tick() + round(seconds / PERIOD)
 
         def look() -> None:
+            pause()
             assert self.tick() <= last, f"not within {seconds} s of plant time: {what}"
 
         return until(condition, what, 600.0, look)

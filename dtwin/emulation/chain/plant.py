@@ -80,11 +80,18 @@ class ChainPlant:
         Raises:
             NativeError: there is no C compiler.
         """
-        if self._failing or self._drives.servos or self._gears.elastic or self._friction.braked or STEP is None:
+        if self.time >= self.first_fault - self._arm.period:
+            return None
+        if self._drives.servos or self._gears.elastic or self._friction.braked or STEP is None:
             return None
         if self._stepping is None:
             self._stepping = Stepping(self._model, self._data, STEPS, self._friction.of_gears)
         return self._stepping
+
+    @property
+    def first_fault(self) -> float:
+        """When the first fault begins, s; infinite if there is none."""
+        return self._failing.first
 
     def noise(self, ticks: int) -> Array | None:
         """What the encoders add in the next ticks, (N, n), rad or m; None for nothing."""

@@ -22,7 +22,7 @@ from dtwin.equations.rigid import motion, usual_inertia
 from dtwin.errors import ParameterError
 from dtwin.line.chain.cell import check_joint_settings
 from dtwin.line.chain.rows import ArmRows, Row
-from dtwin.line.station import FREE, HOLDING, OFFERED, Input, Points, Report
+from dtwin.line.station import FREE, HOLDING, OFFERED, Input, InputKind, Points, Report
 from dtwin.parameters import PERIOD
 from dtwin.run.chain import ChainSettings
 from dtwin.signals import ArmState, Event, EventKind
@@ -67,8 +67,8 @@ class ChainStation:
         end = parse_chain_fault(text, len(self._settings.arm)).end
         return float(end) if np.isfinite(end) else None
 
-    def give(self, kind: str, mass: float = 0.0, text: str = "") -> None:
-        self.apply(Input(self._ticks, kind, mass, text))  # type: ignore[arg-type]
+    def give(self, kind: InputKind, mass: float = 0.0, text: str = "") -> None:
+        self.apply(Input(self._ticks, kind, mass, text))
 
     def apply(self, given: Input) -> None:
         """Does something to it before the next tick, and notes it.

@@ -139,4 +139,9 @@ class Fleet:
     def _listen(self, vehicle: DistantVehicle) -> None:
         for topic in _TOLD_BY:
             key = key_of(vehicle.plan.manufacturer, vehicle.plan.name, topic)
-            self._bus.watch_raw(key, lambda _, payload, topic=topic: vehicle.receive(topic, payload))  # type: ignore[misc]
+            self._bus.watch_raw(key, partial(_receive, vehicle, topic))
+
+
+def _receive(vehicle: DistantVehicle, topic: str, key: str, payload: bytes) -> None:
+    """Hands a vehicle what it has told on a topic, whatever its key."""
+    vehicle.receive(topic, payload)

@@ -44,10 +44,11 @@ class ChainTicks:
         plant: the emulated arm.
         controller: its blocks.
         joints: number of joints.
+        period: time of a tick, s.
     """
 
-    def __init__(self, plant: ChainPlant, controller: ChainController, joints: int) -> None:
-        self._plant, self._controller = plant, controller
+    def __init__(self, plant: ChainPlant, controller: ChainController, joints: int, period: float) -> None:
+        self._plant, self._controller, self._period = plant, controller, period
         self._loop = None
         with suppress(NativeError):  # a loop in Python does the same
             if plant.in_memory() is not None:
@@ -69,7 +70,7 @@ class ChainTicks:
             DivergenceError: the emulation left the finite numbers. FunctionBlockError: a block failed.
         """
         memory = None if self._loop is None else self._plant.in_memory()
-        count = min(MOST, rows.shape[1])
+        count = min(MOST, rows.shape[1], until(self._plant.time, self._plant.first_fault, self._period))
         if self._loop is None or memory is None or not count:
             return 0, False
         plant, grips = PlantInMemory(memory.move, memory.plant, memory.q, (memory,)), self._controller.grips

@@ -1,6 +1,7 @@
 """The first fault of an arm in its own log: noticed soon, named, and nothing where nothing is."""
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -14,11 +15,17 @@ from dtwin.monitoring.chain.learning import acquainted
 from dtwin.monitoring.chain.monitor import SHOWN, ArmMonitor
 from dtwin.monitoring.chain.sequential import FirstFault
 from dtwin.run.arm_cell import ArmCell
-from dtwin.run.chain import ChainSettings, run
+from dtwin.run.chain import ChainRun, ChainSettings, run
 
 HEALTHY = 30.0
 BEGIN = 38.0
 SETTINGS: ChainSettings = ArmCell(arm="planar-2r", machine="2302").settings(BEGIN + 6.0, 2302)
+
+
+@cache
+def weakened() -> ChainRun:
+    """A run whose first drive loses a fifth of its torque."""
+    return run(replace(SETTINGS, faults=(parse_chain_fault("K1*=0.8@38", 2),)))
 
 
 def found(*faults: str) -> ChainFinding | None:
@@ -51,7 +58,7 @@ def test_a_fault_is_noticed_soon_and_its_cause_is_among_those_that_are_told(faul
 
 
 def test_a_monitor_that_takes_samples_as_they_come_finds_what_is_found_in_the_whole_log() -> None:
-    ran = run(replace(SETTINGS, faults=(parse_chain_fault("K1*=0.8@38", 2),)))
+    ran = weakened()
     told = acquainted(SETTINGS.arm, ran.samples, HEALTHY).finding
     monitor = ArmMonitor(SETTINGS.arm, HEALTHY)
     states = []
@@ -69,23 +76,26 @@ def test_a_monitor_that_takes_samples_as_they_come_finds_what_is_found_in_the_wh
     assert [event.kind for event in monitor.events] == ["fits", "suspected", "failed", "acknowledged"]
 
 
+@cache
+def noticed(lost: bool, size: int) -> ChainFinding | None:
+    """What is found in the weakened run if so many samples come together, and some are lost before."""
+    ran = weakened()
+    rows = ran.t, ran.q, ran.target, ran.effort
+    known, begin = round(HEALTHY / SETTINGS.arm.period), round(37.0 / SETTINGS.arm.period)
+    watch = FirstFault(SETTINGS.arm, HEALTHY)
+    watch.follow(*(row[: known + 1] for row in rows))
+    if lost:
+        watch.forget()
+    for first in range(begin if lost else known + 1, len(ran.t), size):
+        watch.follow(*(row[first : first + size] for row in rows))
+    return watch.finding
+
+
 @pytest.mark.parametrize("together", [1, 5, 11])
 @pytest.mark.parametrize("lost", [False, True])
 def test_it_does_not_matter_how_many_samples_come_together(together: int, lost: bool) -> None:
     """The filter takes as many as it needs, and not one more."""
-    ran = run(replace(SETTINGS, faults=(parse_chain_fault("K1*=0.8@38", 2),)))
-    rows = ran.t, ran.q, ran.target, ran.effort
-    known, begin = round(HEALTHY / SETTINGS.arm.period), round(37.0 / SETTINGS.arm.period)
-    watches = []
-    for size in (together, len(ran.t)):
-        watch = FirstFault(SETTINGS.arm, HEALTHY)
-        watch.follow(*(row[: known + 1] for row in rows))
-        if lost:
-            watch.forget()
-        for first in range(begin if lost else known + 1, len(ran.t), size):
-            watch.follow(*(row[first : first + size] for row in rows))
-        watches.append(watch)
-    few, many = (watch.finding for watch in watches)
+    few, many = noticed(lost, together), noticed(lost, len(weakened().t))
     assert few is not None
     assert many is not None
     assert (few.cause, few.time, few.size) == (many.cause, many.time, pytest.approx(many.size))

@@ -39,6 +39,11 @@ class Failing:
     def __bool__(self) -> bool:
         return bool(self._faults)
 
+    @property
+    def first(self) -> float:
+        """When the first fault begins, s; infinite if there is none."""
+        return min((fault.start for fault in self._faults), default=np.inf)
+
     def inject(self, faults: Sequence[ChainFault], time: float) -> None:
         """Adds faults at a time, s; those that would begin in the past begin at once."""
         self._faults += [replace(fault, start=max(fault.start, time)) for fault in faults]
