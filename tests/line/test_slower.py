@@ -16,7 +16,7 @@ from dtwin.errors import DtwinError
 from dtwin.line.file import line_of
 from dtwin.line.run import LineRun, LineSettings
 from dtwin.line.station import FREE, HOLDING, EmulatedStation, Input, WorkTimes, settings_text
-from dtwin.line.stations import emulated, replayed
+from dtwin.line.stations import replayed
 from dtwin.line.twins import zone
 from dtwin.line.twins.ability import Capability
 from dtwin.line.twins.decisions import Decision, Mode
@@ -66,7 +66,7 @@ def test_a_size_counts_relative_to_a_motors_constant_and_as_it_is_for_friction()
 
 
 def test_what_an_arm_took_tells_nothing_of_settings_that_are_still_to_come() -> None:
-    node, station = twin(), emulated(PLAN)
+    node, station = twin(), EmulatedStation(PLAN)
     station.advance(500)
     for _ in range(3):
         station.give("bring", 0.2, "red")
