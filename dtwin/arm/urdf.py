@@ -59,6 +59,7 @@ class _File:
         self.robot = root.get("name") or path.stem
         self.links = {self.text(link, "name"): link for link in root.findall("link")}
         self.edges = [self._edge(joint) for joint in root.findall("joint")]
+        self.transmissions = list(root.iter("transmission"))
         self.below: dict[str, list[_Edge]] = {}
         self.above: dict[str, _Edge] = {}
         for edge in self.edges:
@@ -163,7 +164,26 @@ def read_urdf(path: Path, base: str | None = None, tip: str | None = None) -> Ar
         body, frozen = _welded(file, edge.child, inside)
         remarks += [f"joint {name} is not in the chain: it is welded at 0" for name in frozen]
         bodies.append((edge.child, body))
+    remarks += _reductions(file, [joint.name for joint in joints])
     return Arm(file.robot, tuple(joints), _links(file, bodies), remarks=tuple(remarks), tool=translation)
+
+
+def _reductions(file: _File, joints: Sequence[str]) -> Iterator[str]:
+    """What transmissions of ROS say of gears between one motor and one joint of the chain, as remarks."""
+    for each in file.transmissions:
+        names = {name for joint in each.iter("joint") if (name := joint.get("name"))}
+        said = [*each.iter("mechanicalReduction"), *each.iter("mechanical_reduction")]
+        if len(names) != 1 or len(said) != 1 or not names <= set(joints):
+            continue
+        text = (said[0].text or "").strip()
+        try:
+            gear = abs(float(text))
+        except ValueError:
+            gear = np.nan
+        if not 0.0 < gear < np.inf:
+            raise file.error(said[0], f"<{said[0].tag}>: expected a finite number other than 0, got {text!r}")
+        if gear != 1.0:
+            yield f"joint {names.pop()}: a transmission with gear = {gear:g}, for a rotor or a constant of the motor"
 
 
 def parse_urdf(path: Path) -> Any:

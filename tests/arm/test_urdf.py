@@ -52,6 +52,31 @@ def test_a_branch_is_welded_and_told(tmp_path: Path) -> None:
     assert arm.remarks == ("joint finger is not in the chain: it is welded at 0",)
 
 
+ROS = (
+    '<transmission name="t"><joint name="{0}"/><actuator name="m">'
+    "<mechanicalReduction>{1}</mechanicalReduction></actuator></transmission>"
+)
+ROS_2 = (
+    '<ros2_control name="s" type="system"><transmission name="t"><joint name="{0}" role="joint1">'
+    "<mechanical_reduction>{1}</mechanical_reduction></joint></transmission></ros2_control>"
+)
+
+
+@pytest.mark.parametrize("form", [ROS, ROS_2])
+def test_a_gear_between_a_motor_and_its_joint_is_told(tmp_path: Path, form: str) -> None:
+    def told(name: str, reduction: str) -> tuple[str, ...]:
+        parts = joint("one", "a", "b"), joint("two", "b", "c"), form.format(name, reduction)
+        return read_urdf(robot(tmp_path, *parts)).remarks
+
+    assert told("two", "-50") == ("joint two: a transmission with gear = 50, for a rotor or a constant of the motor",)
+    assert told("two", "1") == told("finger", "50") == ()
+    for wrong in ("fifty", "0", "inf", ""):
+        with pytest.raises(
+            ModelError, match=rf"robot.urdf:\d+: <mechanical.*>: expected a finite number .* got '{wrong}'"
+        ):
+            told("two", wrong)
+
+
 def hand(folder: Path) -> Path:
     """Two joints, a flange, and two fingers that slide."""
     parts = [joint("one", "a", "b"), joint("two", "b", "c"), joint("flange", "c", "d", "fixed")]
