@@ -47,7 +47,7 @@ def test_an_arm_at_rest_is_not_driven_by_an_encoder_that_has_stopped(trial: Froz
     "trial", [Frozen(94002, 94002, 1, 13.0), Frozen(94002, 94002, 2, 13.0), Frozen(94004, 94004, 1, 13.3)]
 )
 def test_a_joint_whose_encoder_has_stopped_falls_no_faster_than_asked(trial: Frozen) -> None:
-    """They fell at 8.8, 9.3 and 6.5 rad/s before the voltages answered to what the joints beyond feel."""
+    """What the joints beyond feel tells that it falls; without any voltage it would be too fast."""
     found = freeze(trial)
     assert found.fastest < FAST < found.falling
     assert found.torque_off_s is None

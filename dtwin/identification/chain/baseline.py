@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 
 from dtwin.arm.chain import Arm, Array
+from dtwin.arm.differences import rates
 from dtwin.equations.rigid import regressor
 from dtwin.errors import IdentificationError
 from dtwin.identification.chain.design import Filtering, low_passed, scales_of, smooth
@@ -88,7 +89,7 @@ def filtered(measurements: Sequence[Measurement], filtering: Filtering) -> list[
     for stretch in [part for m in measurements for part in smooth(m, Filtering(cutoff, 1.0))]:
         dt = stretch.dt
         v = low_passed(stretch.v, dt, cutoff)
-        a = low_passed(np.gradient(v, dt, axis=0), dt, cutoff)
+        a = low_passed(rates(v, dt), dt, cutoff)
         moves = np.flatnonzero((np.abs(v) > 0.03 * np.array([s.speed for s in scales_of([stretch])])).any(axis=1))
         edge = round(2.5 / cutoff / dt)
         kept = np.arange(max(moves[0], edge), min(moves[-1], len(v) - edge)) if len(moves) else np.arange(0)

@@ -135,10 +135,9 @@ class GripperWatch:
         """
         gripper = self._gripper
         middle = 0.5 * (gripper.closed + gripper.opened)
-        went = self._direction * (angle - self._place) > 0.0 and sample <= self._reached + _MOVING
-        braking, coasts = (
-            (sample - self._start, self._farthest) if went and direction == -self._direction else (0, 0.0)
-        )
+        moves = self._direction * (angle - self._place) > 0.0 and sample <= self._reached + _MOVING
+        turns = moves and direction == -self._direction
+        braking, coasts = (sample - self._start, self._farthest) if turns else (0, 0.0)
         begin = angle - direction * coasts
         way = gripper.opened - begin if direction > 0 else begin - middle
         self._direction, self._start, self._from, self._farthest, self._way = direction, sample, begin, 0.0, way
