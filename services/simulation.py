@@ -106,7 +106,7 @@ class Simulation:
         self._time = 0.0
         bus = service.bus
         self._followed: list[Subscription] = []
-        self._uploading = Uploading(service, ControlSettings, lambda: self._time, _upload, self._follow)
+        self._uploading = Uploading(service, ControlSettings, lambda: self._time, upload_of, self._follow)
         bus.subscribe(TICKS, PassedTicks, following_ticks(service.inbox.put, bus.refuse))
         self._uploading.answer(UPLOAD, self._answer)
         bus.answer(PREDICT, PredictionRequest, self._predict)
@@ -192,22 +192,7 @@ class Simulation:
     def _predict(self, asked: PredictionRequest) -> Predicted:
         """Answers on a thread of its own, too; one at a time, because all use the same blocks."""
         with self._uploading.lock:
-            uploader = self._uploading.there()
-            wished = asked_of(ControlSettings, asked)
-            settings = replace(uploader.settings, **{name: x for name, x in wished.items() if x is not None})
-            arm = asked.arm or self._arm or settings.model
-            check_bounds(settings)
-            check_model(arm)
-            box = self._checker.task.boxes.middle if asked.box is None else asked.box
-            found = self._checker.expect(settings, arm, box, asked.late)
-            version = uploader.version
-        return Predicted(
-            version,
-            tuple(
-                PredictedMotion(*motion, f.tracking_rms, f.tracking_max, f.peak_volts, f.saturated)
-                for motion, f in found
-            ),
-        )
+            return predicted(self._uploading.there(), self._checker, asked, self._arm)
 
     def _tell_proposal(self, proposal: Proposed) -> None:
         text = f"proposal {proposal.number} of {proposal.request.who}, {proposal.request.kind}: {proposal.state}"
@@ -216,7 +201,28 @@ class Simulation:
         )
 
 
-def _upload(uploader: Uploader[ControlSettings, Entry]) -> Upload:
+def predicted(
+    uploader: Uploader[ControlSettings, Entry],
+    checker: Checker,
+    asked: PredictionRequest,
+    known: ArmParameters | None,
+) -> Predicted:
+    """What would be if other settings than those in force were, on the arm that is known if no other is named."""
+    wished = asked_of(ControlSettings, asked)
+    settings = replace(uploader.settings, **{name: x for name, x in wished.items() if x is not None})
+    arm = asked.arm or known or settings.model
+    check_bounds(settings)
+    check_model(arm)
+    box = checker.task.boxes.middle if asked.box is None else asked.box
+    found = checker.expect(settings, arm, box, asked.late)
+    motions = (
+        PredictedMotion(*motion, f.tracking_rms, f.tracking_max, f.peak_volts, f.saturated) for motion, f in found
+    )
+    return Predicted(uploader.version, tuple(motions))
+
+
+def upload_of(uploader: Uploader[ControlSettings, Entry]) -> Upload:
+    """What is in force, as it is told."""
     last, settings = uploader.last, uploader.settings
     return Upload(
         last.version,

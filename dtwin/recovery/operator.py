@@ -31,6 +31,11 @@ SETTLING: Final = 1.0
 """s in which a second finding may follow the first, so that both are answered together"""
 FIND_OUT: Final = "find out what is wrong, then `dtwin release`"
 """What a person has to do about an arm of which nobody knows what it has"""
+CLEAR: Final = "see that nothing is in the way of the arm, then `dtwin release`"
+"""What a person has to do about an arm that was stopped as something pushed it: a stop ends by a person alone"""
+PUSHED: Final = 5.0
+"""s before a stop by the blocks in which a push is noticed that may have led to it: an arm that was pressed against
+something is stopped once the integrals have brought the voltage to its limit"""
 LOST: Final = 0.5
 """Share of the weight of a box that is gone at least when it was lost"""
 SURELY: Final = 5.0
@@ -90,6 +95,7 @@ class Operator:
         self._dealt: dict[str, float] = {}
         self._again: dict[str, float] = {}
         self._waiting: dict[str, MonitoredUnit] = {}
+        self._push: Event | None = None
         self._propose = propose
         self._look = look
 
@@ -122,6 +128,7 @@ class Operator:
     def _on_event(self, event: Event) -> None:
         """Tells of a push, which is over by then, also while something else is being answered."""
         if event.kind == MONITOR + PUSH and not self._desk.stopped:
+            self._push = event
             self._say_why(PUSH, answer_to(parse_fault_id(PUSH)))
             self._add_step("go on", (PUSH,))
 
@@ -297,6 +304,9 @@ class Operator:
             names = " and ".join(unit.parameter for unit in causes)
             if outlook := self._asked(self._measures.explain, causes):
                 return f"{names} explains it, {outlook.text}: {order(parse_fault_id(causes[0].parameter))}"
+        push, tripped = self._push, self._desk.tripped
+        if push is not None and tripped is not None and push.time >= tripped.time - PUSHED:
+            return f"{push.text.partition(',')[0]} explains it: {CLEAR}"
         return f"{names} does not explain it: {FIND_OUT}" if found else f"nothing explains it: {FIND_OUT}"
 
     def _asked(

@@ -77,6 +77,8 @@ def recovery_experiment(
     machines: Sequence[int],
     progress: Progress,
     played: Played | None = None,
+    *,
+    headless: bool = False,
 ) -> list[RecoveryTrial]:
     """Runs cells with drawn cases, one after another.
 
@@ -87,6 +89,7 @@ def recovery_experiment(
             options.
         progress: told how many runs are done.
         played: makes the faults and has them answered; by the operator if None.
+        headless: whether each cell is one process without services and pace.
 
     Raises:
         CommunicationError: a cell does not come up.
@@ -102,11 +105,9 @@ def recovery_experiment(
             if files and machine not in known:
                 place = Path(tempfile.mkdtemp(dir=folder))
                 known[machine] = known_arm(case.settings(), place, np.random.default_rng(case.seed))
-            trials.append(
-                _trial(
-                    recover(case, drawn_case(case.seed), known=known.get(machine), played=played), Path(machine).stem
-                )
-            )
+            drawn, healthy = drawn_case(case.seed), known.get(machine)
+            run = recover(case, drawn, known=healthy, played=played, headless=headless)
+            trials.append(_trial(run, Path(machine).stem))
             progress(len(trials), runs)
     return trials
 
@@ -219,6 +220,9 @@ class ExperimentRecovery(ExperimentCommand[list[RecoveryTrial]], OnMachine):
     pace: Pace = "realtime"
     """Pace of the cells: realtime, or lockstep or free, which are faster, so that what the services have to compute
     takes them longer in the time of the arm."""
+    headless: bool = False
+    """Run each cell as one process without services, faster than time and the same whenever it is repeated; what
+    monitor and searches have to compute takes no plant time then. It needs arms with records."""
     controller: str = "embedded"
     """Controller of the cells: embedded, or forte://HOST:PORT, the 4diac FORTE to deploy to."""
 
@@ -241,7 +245,8 @@ class ExperimentRecovery(ExperimentCommand[list[RecoveryTrial]], OnMachine):
             controller=self.controller,
             commissioned=self.commissioned,
         )
-        return recovery_experiment(options, self.runs, untouched(self.first, self.machines), progress)
+        numbers = untouched(self.first, self.machines)
+        return recovery_experiment(options, self.runs, numbers, progress, headless=self.headless)
 
     def report(self, result: list[RecoveryTrial]) -> Report:
         return self.titled(recovery_report(result))

@@ -13,16 +13,18 @@ import numpy as np
 from dtwin.bus.messages import FAULT, Done, FaultRequest
 from dtwin.emulation.faults import Fault, parse_fault
 from dtwin.errors import CommunicationError, ParameterError
+from dtwin.logs.log import Log
 from dtwin.logs.reading import read_log
 from dtwin.parameters import PERIOD
 from dtwin.recovery.desk import CriticalFinding, DeadlinePassed, Desk, StoppedByController
 from dtwin.recovery.measures import Measures
 from dtwin.recovery.operator import Operator
-from dtwin.run.settings import sequence_of
+from dtwin.run.settings import CellSettings, sequence_of
 from dtwin.services.launch import CellOptions, launched
 from dtwin.signals import EventKind
 from evidence.recovery.cases import RecoveryCase, grown_friction
 from evidence.recovery.expected import expected_of, kind_of, made_of
+from evidence.recovery.headless import HeadlessCell
 from evidence.recovery.healthy import healthy_run
 from evidence.recovery.known import KnownArm, known_arm, recorded_arm
 from evidence.recovery.outcome import Recovery, Story, judge
@@ -56,6 +58,8 @@ def recover(
     progress: Callable[[float], None] = lambda time: None,
     known: KnownArm | None = None,
     played: Played | None = None,
+    *,
+    headless: bool = False,
 ) -> Recovery:
     """Starts a cell with all services, makes faults, and has them answered.
 
@@ -65,8 +69,10 @@ def recover(
         progress: told the plant time, s.
         known: what is known of the healthy arm; identified first if None and without a record.
         played: makes the faults and has them answered; by the operator if None.
+        headless: whether the cell is one process without services and pace, of an arm with a record.
 
     Raises:
+        ParameterError: an arm without a record shall be without services.
         FaultError: there is no right answer to a fault.
         ModelError: the file of the record is none.
         IdentificationError: the model of the healthy arm cannot be identified.
@@ -94,16 +100,44 @@ def recover(
         arm, effects = made_of(settings.machine, settings.arm)
         via, control = sequence_of(settings).via, healthy.control(options)
         expected = expected_of(made.faults, arm, control, effects, via, healthy.record)
-        with launched(complete) as cell:
-            cell.await_ready()
-            desk = Desk(cell.bus, lambda: cell.over, progress, LONGEST)
-            story = (played or _played)(desk, healthy, made)
-            if cell.stop.is_set():
-                raise KeyboardInterrupt
-        log = read_log(log_file)
+
+        def play(desk: Desk) -> Story:
+            return (played or _played)(desk, healthy, made)
+
+        if headless:
+            story, log = _in_one_process(settings, healthy, folder, progress, play)
+        else:
+            story, log = _with_services(complete, log_file, progress, play)
     settings = replace(settings, duration=len(log) * PERIOD)
     same = healthy_run(settings, healthy.model, float("inf") if story.started is None else story.started)
     return judge(options.seed, made.faults, expected, story, log, same)
+
+
+def _with_services(
+    complete: CellOptions, log_file: Path, progress: Callable[[float], None], play: Callable[[Desk], Story]
+) -> tuple[Story, Log]:
+    """What happens in a cell with all services, and its log."""
+    with launched(complete) as cell:
+        cell.await_ready()
+        story = play(Desk(cell.bus, lambda: cell.over, progress, LONGEST))
+        if cell.stop.is_set():
+            raise KeyboardInterrupt
+    return story, read_log(log_file)
+
+
+def _in_one_process(
+    settings: CellSettings,
+    healthy: KnownArm,
+    folder: Path,
+    progress: Callable[[float], None],
+    play: Callable[[Desk], Story],
+) -> tuple[Story, Log]:
+    """What happens in a cell of one process, and its log."""
+    if healthy.record is None:
+        raise ParameterError("--headless: expected an arm with a record, as its model is identified by no service")
+    cell = HeadlessCell(settings, healthy.record, folder)
+    story = play(cell.desk(progress, LONGEST))
+    return story, cell.log()
 
 
 def _played(desk: Desk, healthy: KnownArm, case: RecoveryCase) -> Story:
