@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar, Final
@@ -16,8 +16,11 @@ from dtwin.commands.frame import at_least
 from dtwin.emulation.machine.files import machine_of, toml
 from dtwin.emulation.machine.sections import IDEAL, Contact
 from dtwin.errors import ParameterError
+from dtwin.monitoring.kinds import PUSH, FaultId
+from dtwin.parameters import JOINTS
 from dtwin.services.emulator import Pace
 from dtwin.services.launch import CellOptions
+from dtwin.signals import MONITOR, Event
 from evidence.experiment import ExperimentCommand, OnMachine
 from evidence.recovery.cases import drawn_case
 from evidence.recovery.demonstration import Played, recover
@@ -31,6 +34,9 @@ RIGHT: Final = 0.95
 WORKING: Final = 0.90
 """Least share of the runs after which the arm works again, or stands where it cannot."""
 
+_PUSHED: Final = {fault.where: str(fault) for fault in (FaultId(PUSH, joint + 1) for joint in range(JOINTS))}
+"""Pushes by the words in which the monitor tells them."""
+
 
 @dataclass(frozen=True, slots=True)
 class RecoveryTrial:
@@ -41,7 +47,7 @@ class RecoveryTrial:
         machine: machine that the arm is.
         fault: faults without their times.
         noticed: time from the faults until the first finding was noticed, s, None for never.
-        found: what the findings named.
+        found: what the findings named, and pushes that were told.
         answers: measures that the operator took.
         expected: measures of the right answer.
         right: whether the right answer was given.
@@ -157,12 +163,13 @@ def _trial(run: Recovery, machine: str) -> RecoveryTrial:
     def since(time: float | None) -> float | None:
         return None if time is None or began is None else time - began
 
+    told = [(unit.detected, unit.parameter) for unit in story.findings] + pushes(run.log.events, began)
     return RecoveryTrial(
         run.seed,
         machine,
         fault_text(run),
-        since(min((unit.detected for unit in story.findings), default=None)),
-        tuple(unit.parameter for unit in story.findings),
+        since(min((time for time, _ in told), default=None)),
+        tuple(name for _, name in told),
         tuple(step.measure for step in story.steps),
         tuple(sorted(run.expected.measures)),
         began is not None and run.right,
@@ -174,6 +181,13 @@ def _trial(run: Recovery, machine: str) -> RecoveryTrial:
         run.usual_jump,
         story.trouble,
     )
+
+
+def pushes(events: Iterable[Event], began: float | None) -> list[tuple[float, str]]:
+    """When pushes were told since the faults began, s, and what they name: a push is over when it is told, so that it
+    is no finding that stands."""
+    since = [event for event in events if event.kind == MONITOR + PUSH and began is not None and event.time >= began]
+    return [(event.time, _PUSHED.get(event.text.partition(",")[0], PUSH)) for event in since]
 
 
 def _row(trial: RecoveryTrial) -> str:

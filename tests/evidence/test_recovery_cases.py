@@ -21,9 +21,10 @@ from dtwin.recovery.answers import ANSWERS
 from dtwin.recovery.desk import Desk
 from dtwin.recovery.tuning import WORSE
 from dtwin.services.launch import CellOptions
+from dtwin.signals import Event
 from dtwin.simulation.proposal import controllable
 from dtwin.twin.effects import NO_EFFECTS, Effects
-from evidence.recovery.campaign import RecoveryTrial, passed, recovery_report
+from evidence.recovery.campaign import RecoveryTrial, passed, pushes, recovery_report
 from evidence.recovery.cases import DRAWS, RecoveryCase, drawn_case
 from evidence.recovery.demonstration import PUSH_AFTER, make_faults, parse_faults
 from evidence.recovery.expected import expected_of, kind_of, made_of
@@ -46,6 +47,13 @@ def test_cases_are_drawn_from_the_whole_table_and_are_possible() -> None:
     assert {case.deliveries for case in cases} == {1, 2, 3}
     for case in cases:
         schedule(ArmParameters(), case.faults)
+
+
+def test_a_push_that_was_told_is_named_though_no_finding_stands() -> None:
+    told = [(9.0, "push of joint 1, confidence 99 %"), (12.5, "push of joint 2, confidence 100 %, since 12.00 s")]
+    events = [Event(time, "monitor_push", text) for time, text in told]
+    assert pushes([*events, Event(13.0, "monitor_failed", "locked joint of joint 1")], 12.0) == [(12.5, "push2")]
+    assert pushes(events, None) == []
 
 
 @pytest.mark.parametrize(
