@@ -26,19 +26,17 @@ from dtwin.monitoring.kinds import (
     KINDS,
     LOCK,
     READ,
-    RELATIVE,
     SLIP,
     UNKNOWN,
     FaultId,
     faults,
     parse_fault_id,
-    reference,
 )
 from dtwin.monitoring.sensing.bursts import Bursts
 from dtwin.monitoring.sensing.gripper import GripperWatch
 from dtwin.monitoring.sensing.readings import Readings
 from dtwin.monitoring.trend import WATCHED, Trend
-from dtwin.monitoring.verdict import Finding, beside, finding
+from dtwin.monitoring.verdict import Finding, beside, finding, size_of
 from dtwin.parameters import PERIOD
 from dtwin.signals import Event
 
@@ -57,6 +55,9 @@ _OPEN: Final = 60.0
 _FREEZES: Final = tuple((fault.joint - 1, str(fault), fault) for fault in faults(FREEZE))
 """Indices of the encoders, and names of what is wrong with them when they have stopped."""
 _ON_BOX: Final = tuple(str(fault) for kind, row in KINDS.items() if row.on_box for fault in faults(kind))
+
+_TOLD: Final = 1.0
+"""s for which what was wrong with a box that had been put down is told: the time for which a verdict counts"""
 
 
 class Consequences(NamedTuple):
@@ -114,6 +115,7 @@ class Findings:
         self._open: dict[str, Finding] = {}
         self._gripped = self._released = -1.0
         self._bursts, self._stood = Bursts(), [-math.inf] * 3
+        self._gone: tuple[float, Finding | None] = -math.inf, None
         self.current: dict[str, Finding] = {}
         self.history: list[Finding] = []
         self.events: list[Event] = []
@@ -146,7 +148,7 @@ class Findings:
             told = [self.assess(Conclusion(candidate, pending.confidence), pending.detected)]
         else:
             states = sorted(changes := candidate.changes(), key=lambda name: -self._relative(name, changes[name]))
-            sure = [name for name in states if _is_sure(changes[name])] or states[:1]
+            sure = [name for name in states if changes[name].certainty >= _SURE] or states[:1]
             told = [self._finding(candidate, name, pending.confidence, pending.detected) for name in sure]
         named = {found.parameter for found in told}
         instead = tuple(name for name in pending.others if name not in named)
@@ -163,7 +165,7 @@ class Findings:
         fault, size, deviation = candidate.fault, 0.0, 0.0
         if state:
             change, changed = candidate.changes()[state], parse_fault_id(state)
-            size, deviation = _size(changed, change, candidate.estimator)
+            size, deviation = size_of(changed, change, candidate.estimator)
             if changed.about.none and is_none(state, change.value, candidate.estimator):
                 fault = FaultId(changed.about.none, changed.joint)
             elif fault.about.hypothesis != "loss":
@@ -199,8 +201,10 @@ class Findings:
         since = min([settled.since, *(entry.since for entry in known)])
         self.enter(time, msgspec.structs.replace(settled, since=since, settled=True))
         if settled.fault.about.on_box and since <= self._released:
-            over = PUT_DOWN if settled.fault.kind == SLIP else self.put_down(self._released)
-            return over._replace(jumped=settled.parameter)
+            if settled.fault.kind == SLIP:
+                return PUT_DOWN._replace(jumped=settled.parameter)
+            self._gone = time, self.current.get(settled.parameter)
+            return self.put_down(self._released)._replace(jumped=settled.parameter)
         return Consequences(jumped=settled.parameter, loose=bool(candidate.caught))
 
     def enter(self, time: float, found: Finding) -> None:
@@ -282,12 +286,18 @@ class Findings:
         if found is not None:
             self.note(time, "recovered", why or found.text())
 
+    def standing(self, time: float, estimator: Estimator) -> list[Finding]:
+        """What is wrong now with sizes as they are known now, and what was wrong with a box that had been put down
+        when that was settled, or no verdict would tell it."""
+        found, (since, gone) = [self.refined(each, estimator) for each in self.current.values()], self._gone
+        return [*found, gone] if gone is not None and time < since + _TOLD else found
+
     def refined(self, found: Finding, estimator: Estimator) -> Finding:
         """The finding with the size as it is known now, or as it was if the estimate has diverged meanwhile."""
         change = estimator.change(found.parameter)
         if change is None or not math.isfinite(change.value + change.deviation):
             return found
-        size, deviation = _size(found.fault, change, estimator)
+        size, deviation = size_of(found.fault, change, estimator)
         return msgspec.structs.replace(found, size=size, deviation=deviation)
 
     def pick_up(self, time: float) -> None:
@@ -387,14 +397,3 @@ class Findings:
 
     def _is_nothing(self, name: str, change: Change) -> bool:
         return abs(change.value - change.before) < max(self._least(name), _SURE * change.deviation)
-
-
-def _size(state: FaultId, change: Change, estimator: Estimator) -> tuple[float, float]:
-    """The size of a change of a state, and its standard deviation, in the unit of a finding."""
-    unit = reference(str(state), estimator.belief.arm) if state.about.unit == RELATIVE else 1.0
-    return (change.value - change.before) / unit, change.deviation / unit
-
-
-def _is_sure(change: Change) -> bool:
-    """Whether something has changed at all."""
-    return abs(change.value - change.before) >= _SURE * change.deviation

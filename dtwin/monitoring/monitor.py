@@ -166,7 +166,7 @@ class Monitor:
 
     def standing(self) -> list[Finding]:
         """What is wrong now with sizes as they are known now, first come first, and last what is being diagnosed."""
-        found = [self.findings.refined(each, self.estimator) for each in self.findings.current.values()]
+        found = self.findings.standing(self.time, self.estimator)
         if isinstance(self._mode, Diagnosing) and (news := self._mode.news) is not None:
             found.append(news)
         return found

@@ -8,7 +8,9 @@ from typing import Final
 import msgspec
 
 from dtwin.bus.twin_messages import UNITS, MonitoredUnit, MonitoringVerdict, UnitState
-from dtwin.monitoring.kinds import READ, RELATIVE, FaultId, parse_fault_id
+from dtwin.monitoring.estimation.arrays import Change
+from dtwin.monitoring.estimation.estimator import Estimator
+from dtwin.monitoring.kinds import READ, RELATIVE, FaultId, parse_fault_id, reference
 
 _TAKES_AWAY: Final = ("loss", "stop", "hold")
 """hypotheses of what leaves nothing to be changed: a joint without a motor, an encoder, or motion"""
@@ -220,6 +222,12 @@ def monitored(found: Finding, state: UnitState = "failed") -> MonitoredUnit:
         found.text(),
         follows=found.follows,
     )
+
+
+def size_of(state: FaultId, change: Change, estimator: Estimator) -> tuple[float, float]:
+    """The size of a change of a state, and its standard deviation, in the unit of a finding."""
+    unit = reference(str(state), estimator.belief.arm) if state.about.unit == RELATIVE else 1.0
+    return (change.value - change.before) / unit, change.deviation / unit
 
 
 def unfit_units(misfit: Mapping[int, str]) -> dict[str, MonitoredUnit]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+import msgspec
 import numpy as np
 import pytest
 from scipy.special import chdtrc
@@ -111,6 +112,10 @@ def test_a_diagnosis_that_a_box_does_not_outlast_ends_at_once(belief: Belief, ru
     assert findings.settle(monitor.time, candidate, finding) == PUT_DOWN._replace(jumped="payload")
     assert kinds(monitor)[-2:] == ["failed", "recovered"]
     assert findings.current == {}
+    # What ends within the sample in which it is told is told by the verdicts of a second, with the size that it had.
+    (told,) = findings.standing(monitor.time + 0.5, monitor.estimator)
+    assert told == msgspec.structs.replace(finding, settled=True)
+    assert findings.standing(monitor.time + 1.5, monitor.estimator) == []
 
 
 def test_a_slip_that_is_settled_once_the_box_is_gone_stands_until_the_next_one(
