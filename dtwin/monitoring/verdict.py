@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import msgspec
 
 from dtwin.bus.twin_messages import UNITS, MonitoredUnit, MonitoringVerdict, UnitState
-from dtwin.monitoring.estimation.arrays import Change
-from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.kinds import READ, RELATIVE, FaultId, parse_fault_id, reference
+
+if TYPE_CHECKING:  # the monitor of another arm says what it finds in the same words, without this estimator
+    from dtwin.monitoring.estimation.arrays import Change
+    from dtwin.monitoring.estimation.estimator import Estimator
 
 _TAKES_AWAY: Final = ("loss", "stop", "hold")
 """hypotheses of what leaves nothing to be changed: a joint without a motor, an encoder, or motion"""
