@@ -33,8 +33,8 @@ _SUMMARIES: Final[dict[Subject, str]] = {
     "controller": "its control application in IEC 61499 function blocks: samples in, commands out",
     "cell": "under its control application in IEC 61499 function blocks",
 }
-_ARM: Final = ("arm.h", "arm.c")
-_CONTROL: Final = ("control.h", "control.c", "tick.c")
+_ARM: Final = ("arm.h", "arm_state.h", "arm.c")
+_CONTROL: Final = ("control.h", "control_state.h", "control.c", "tick.c")
 _PARTS: Final[dict[Subject, tuple[str, ...]]] = {
     "twin": _ARM,
     "controller": _CONTROL,

@@ -20,10 +20,12 @@ Version = Literal["3.0", "2.0"]
 PROGRAM: Final = "program"
 """Name of the C unit of the function blocks."""
 _FOLDER: Final = Path(__file__).parent / "c"
+_ARM: Final = ("arm.h", "arm_state.h", "arm.c", "equations.h")
+_CONTROL: Final = ("control.h", "control_state.h", "control.c", "tick.c")
 _PARTS: Final[dict[Subject, tuple[str, ...]]] = {
-    "twin": ("arm.h", "arm.c", "equations.h"),
-    "controller": ("control.h", "control.c", "tick.c"),
-    "cell": ("arm.h", "arm.c", "equations.h", "control.h", "control.c", "tick.c", "exchange.h"),
+    "twin": _ARM,
+    "controller": _CONTROL,
+    "cell": (*_ARM, *_CONTROL, "exchange.h"),
 }
 _TYPES: Final = {
     "Float64": "MODEL_REAL",

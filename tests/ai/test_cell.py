@@ -102,7 +102,8 @@ def test_nothing_moves_without_the_approval_of_what_was_seen(cell: Desk, bus: Bu
     assert "approved, carol, version" in said
     assert "target time, s: 2 becomes 2.5" in said
     settings = bus.ask(UPLOAD, None, Upload)
-    assert (settings.target_time, settings.version) == (2.5, mine.request.change.based_on + 1)  # type: ignore[union-attr]
+    assert mine.request.change is not None
+    assert (settings.target_time, settings.version) == (2.5, mine.request.change.based_on + 1)
     assert "approved already by carol" in cell.run("mcp", "approve", str(mine.number), "--yes", status=2)
     assert "declined, dave, no" in cell.run("mcp", "decline", str(other.number), "--who", "dave", "--why", "no")
     assert "0 wait for a person" in cell.run("mcp", "proposals")

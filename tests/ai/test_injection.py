@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -72,19 +73,16 @@ def test_injected_instructions_change_nothing(joined: tuple[Bus, Bus], tmp_path:
         (store / f"{number} {name}" / "0001.json").write_text(json.dumps({"text": text}))
     at = place(tmp_path, recordings=recordings, store=store)
 
+    def heard(text: str) -> bool:
+        return any(each.text == text for each in served.hub.state().events)
+
     async def converse(client: Client) -> tuple[list[str], int]:
         offered = await offers(client)
         leaked: list[str] = []
         seen = 0
         for number, text in enumerate(INJECTIONS[::every]):
             cell.say(text, number + 1)
-            heard = until(
-                lambda text=text: [  # type: ignore[misc]
-                    each for each in served.hub.state().events if each.text == text
-                ],
-                "the text is heard",
-            )
-            assert heard
+            assert until(partial(heard, text), "the text is heard")
             for name in LOOKING if number % 10 == 0 else ("status", "findings", "events"):
                 result = await client.call_tool(name, {})
                 assert not result.is_error, result.content

@@ -126,10 +126,10 @@ def running(tmp_path: Path) -> Iterator[Running]:
 
 
 def talk(
-    running: Running, folder: Path, profile: Profile, conversation: Callable[[Client], Any], **limits: float
+    running: Running, folder: Path, profile: Profile, conversation: Callable[[Client], Any], **limits: Any
 ) -> Any:
     """What a conversation with a server at a line returns."""
-    at = LinePlace(profile, "ai", folder / "audit.jsonl", "stdio", replace(Limits(), **limits))  # type: ignore[arg-type]
+    at = LinePlace(profile, "ai", folder / "audit.jsonl", "stdio", replace(Limits(), **limits))
     server = line_server(running.bus, at, Clock().clocks())
 
     async def run() -> Any:

@@ -1,5 +1,7 @@
 """What each profile may ask, and the limits of the one that acts."""
 
+from typing import Any, cast
+
 import pytest
 
 from dtwin.ai.profiles import PROFILES, RIGHTS, Allowance, Doors, Limits, Profile, Rate, role_of
@@ -16,7 +18,7 @@ class Silent(Bus):
     def __init__(self) -> None:
         self.asked = False
 
-    def ask(self, *_: object) -> object:  # type: ignore[override]
+    def ask(self, *_: Any, **__: Any) -> Any:
         self.asked = True
         raise AssertionError
 
@@ -38,11 +40,11 @@ def test_nothing_that_observes_or_proposes_may_act() -> None:
 
 @pytest.mark.parametrize("profile", PROFILES)
 def test_a_door_that_is_not_the_profiles_own_stays_shut(profile: Profile) -> None:
-    bus = Silent()
+    bus, message = Silent(), cast(Any, Gains)
     for topic in TOPICS:
         if topic not in RIGHTS[profile]:
             with pytest.raises(ParameterError, match="may not ask this"):
-                Doors(bus, profile).ask(topic, None, Gains)  # type: ignore[type-var]
+                Doors(bus, profile).ask(topic, None, message)
     assert not bus.asked
     assert role_of(profile) == f"ai-{profile}"
 

@@ -43,6 +43,20 @@ def command(visitor: Visitor, name: str, **form: object) -> tuple[int, str]:
     return status, answer["text"]
 
 
+def told(served: ServedLine) -> LineFace:
+    """What pages are told of the line."""
+    line = served.console.hub.state().line
+    assert line is not None
+    return line
+
+
+def angles(served: ServedLine) -> tuple[float, ...] | None:
+    """What pages are told of the joints of station a2."""
+    station = served.console.hub.station("a2")
+    assert station is not None
+    return station.frame.theta
+
+
 def test_a_page_is_told_how_the_line_does_and_how_it_was_built(served: ServedLine) -> None:
     state = served.console.hub.state()
     assert state.line is not None
@@ -55,8 +69,10 @@ def test_a_page_is_told_how_the_line_does_and_how_it_was_built(served: ServedLin
     for zone in line.zones:
         assert built[zone.name].nodes == dict(zone.track.nodes)
         assert built[zone.name].segments == tuple((each.start, each.end) for each in zone.track.segments)
-    until(lambda: served.console.hub.state().line.expected, "the twins tell what they expect")  # type: ignore[union-attr]
-    assert served.console.hub.state().line.expected.rate_now == 150.0  # type: ignore[union-attr]
+    until(lambda: told(served).expected, "the twins tell what they expect")
+    expected = told(served).expected
+    assert expected is not None
+    assert expected.rate_now == 150.0
 
 
 def test_each_zone_has_a_desk_of_its_own(served: ServedLine) -> None:
@@ -170,7 +186,7 @@ def test_a_line_that_has_gone_is_told_and_its_alarm_stands(tmp_path: Path) -> No
     with serve_line(tmp_path) as served:
         served.until_told()
         served.line.bus.close()
-        until(lambda: "has ended" in served.console.hub.state().line.lost, "it is told")  # type: ignore[union-attr]
+        until(lambda: "has ended" in told(served).lost, "it is told")
         console = served.console
         console.annunciator.look(console.hub.state(), [], console.hub.age, 5.0)
         (alarm,) = console.annunciator.alarms.alarms()
@@ -183,7 +199,7 @@ def test_a_line_that_has_gone_is_told_and_its_alarm_stands(tmp_path: Path) -> No
 def test_an_arm_is_stopped_by_the_plant_where_the_twin_of_the_line_has_gone(tmp_path: Path) -> None:
     line = FakeLine(twin=False)
     with serve_line(tmp_path, line=line) as served:
-        until(lambda: "its plant goes on" in served.console.hub.state().line.lost, "it is told")  # type: ignore[union-attr]
+        until(lambda: "its plant goes on" in told(served).lost, "it is told")
         status, text = command(served.visitor(), "stop", station="a2", why="smoke")
         assert status == 200
         assert text == "the plant has stopped it, because the twin of the line does not answer"
@@ -211,11 +227,11 @@ def test_the_arm_of_a_station_is_heard_while_somebody_looks_at_it(served: Served
     hub = served.console.hub
     hub.watch(frozenset({"", "a2", "nobody"}))
     assert hub.station("nobody") is None
-    assert hub.station("a2").frame.theta is None  # type: ignore[union-attr]
+    assert angles(served) is None
 
     def heard() -> bool:
         served.line.sample("a2", 12)
-        return hub.station("a2").frame.theta == (0.1, 0.2, 0.3)  # type: ignore[union-attr]
+        return angles(served) == (0.1, 0.2, 0.3)
 
     until(heard, "its readings arrive")
     assert hub.station("a1") is None

@@ -5,6 +5,7 @@ import pytest
 
 from dtwin.controller.embedded import EmbeddedController
 from dtwin.emulation.emulation import Emulation, EmulationState
+from dtwin.emulation.encoders import NoiseKind
 from dtwin.emulation.faults import parse_fault
 from dtwin.parameters import PERIOD
 from dtwin.signals import BoxCounts, Event, Sensors, Truth, Voltages
@@ -23,9 +24,9 @@ FAULTS = (
 )
 
 
-def cell(noise_kind: str) -> Emulation:
+def cell(noise_kind: NoiseKind) -> Emulation:
     faults = tuple(map(parse_fault, FAULTS))
-    return Emulation(seed=5, noise=0.003, noise_kind=noise_kind, faults=faults)  # type: ignore[arg-type]  # a kind each
+    return Emulation(seed=5, noise=0.003, noise_kind=noise_kind, faults=faults)
 
 
 Passed = tuple[Sensors, Truth, list[Event], BoxCounts, tuple[float, ...]]
@@ -43,7 +44,7 @@ MOMENTS = (451, 520, 580, 650, 1700, 4090, 4096)
 
 
 @pytest.mark.parametrize(("noise_kind", "moments"), [("gaussian", MOMENTS), ("uniform", (650,)), ("none", (520,))])
-def test_a_cell_goes_on_from_its_state_to_the_bit(noise_kind: str, moments: tuple[int, ...]) -> None:
+def test_a_cell_goes_on_from_its_state_to_the_bit(noise_kind: NoiseKind, moments: tuple[int, ...]) -> None:
     undisturbed, controller = cell(noise_kind), EmbeddedController()
     commands: list[Voltages] = []
     states: dict[int, bytes] = {}

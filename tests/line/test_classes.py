@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -157,6 +158,11 @@ def test_the_best_knows_lighter_boxes_and_what_the_busiest_arm_can_do() -> None:
     assert busiest(LINE, times, SHARED) == pytest.approx(one / 1.5), "a1 has all boxes of one, half of another"
 
 
+def see(node: Any, found: list[Any]) -> None:
+    """Lets the twin of an arm find something, or nothing, whatever it watches."""
+    node.watch = lambda *given: found
+
+
 def looked(mode: Mode, works: tuple[str, float] | None) -> tuple[list[str], list[str], Guard, dict[str, NodeTwin]]:
     """What a watch has done about an arm that holds light boxes alone, and the reasons that it gives."""
     did: list[str] = []
@@ -171,7 +177,7 @@ def looked(mode: Mode, works: tuple[str, float] | None) -> tuple[list[str], list
     )
     nodes = {"a2": node}
     guard = Guard(nodes, mode, hands)
-    node.watch = lambda *given: [found("K3", -0.6)]  # type: ignore[method-assign]
+    see(node, [found("K3", -0.6)])
     node.capability = node.judged(found("K3", -0.6))
     return did, guard.look("a2", None, FREE, 0, 10.0), guard, nodes
 
@@ -181,7 +187,7 @@ def test_a_weak_arm_goes_on_unless_it_has_a_box_that_it_cannot_hold() -> None:
     assert (did, reasons) == (["finding"], ["a2 can do lighter boxes"])
     assert guard.capability("a2").holds(("red", 0.1))
     nodes["a2"].rests = True
-    nodes["a2"].watch = lambda *given: []  # type: ignore[method-assign]
+    see(nodes["a2"], [])
     guard.look("a2", None, FREE, 0, 11.0)
     assert did == ["finding", "settings", "settings"]
     did, reasons, _, _ = looked("act", ("red", 0.2))
@@ -192,7 +198,7 @@ def test_a_weak_arm_goes_on_unless_it_has_a_box_that_it_cannot_hold() -> None:
 
 def test_a_weak_arm_is_stopped_when_a_heavy_box_comes_after_all() -> None:
     did, _, guard, nodes = looked("propose", None)
-    nodes["a2"].watch = lambda *given: []  # type: ignore[method-assign]
+    see(nodes["a2"], [])
     guard._hands = replace(guard._hands, works=lambda station: ("red", 0.2))
     assert guard.look("a2", None, FREE, 0, 11.0) == ["a2 can do nothing"]
     assert did[-2:] == ["stop failed", "stop"]

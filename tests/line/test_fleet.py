@@ -11,6 +11,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from queue import SimpleQueue
 from tempfile import TemporaryDirectory
@@ -603,7 +604,7 @@ def test_connection_and_factsheet_are_there_for_whoever_comes_late() -> None:
         fleet = Fleet(OWN, bus, 0.0, "x")
         fleet.join(Plant(OWN, {}, fleet.make))
         for topic in ("connection", "factsheet"):
-            found = until(lambda topic=topic: watcher.retained(key_of(MANUFACTURER, "cart", topic)), topic)  # type: ignore[misc]
+            found = until(partial(watcher.retained, key_of(MANUFACTURER, "cart", topic)), topic)
             message = checked(topic, found)
             assert message["serialNumber"] == "cart"
 

@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import msgspec
 import pytest
@@ -85,9 +85,9 @@ class PlantPart:
     """The plant of the line, which has worked for a while."""
 
     def __init__(self) -> None:
-        self.bus = StandIn()
+        self.bus = cast(Any, StandIn())
         self.floor = Floor(LINE)
-        self.part = LivePlant(self.floor, (), self.bus, time.monotonic)  # type: ignore[arg-type]
+        self.part = LivePlant(self.floor, (), self.bus, time.monotonic)
         for _ in range(250):
             self.part.step()
 
@@ -121,13 +121,14 @@ class ZonePart:
     """The twin of the first zone, alone: nobody else shares its work out."""
 
     def __init__(self, told: PlantState, now: PlantSituation) -> None:
-        self.bus, self.came = StandIn(), list[Any]()
+        self.bus = cast(Any, StandIn())
+        self.came: list[Any] = []
         self.bus.replies = {
             "a/plant/now": encode(now),
             "a/plant/setup": encode(told),
             "a/plant/station": encode(told),
         }
-        self.part = LiveZone(LINE, 0, "act", self.bus, self.came.append)  # type: ignore[arg-type]
+        self.part = LiveZone(LINE, 0, "act", self.bus, self.came.append)
         self.part.take(False)
 
     def send(self, key: str, payload: bytes) -> Any:
@@ -141,14 +142,14 @@ class OverallPart:
     """The twin of the line, between a plant and two zones that answer."""
 
     def __init__(self, told: PlantState, folder: Path) -> None:
-        self.bus = StandIn()
+        self.bus = cast(Any, StandIn())
         history = LineFile(folder / "history.jsonl", Decision, "a decision of the line")
         book = Book(folder / "book.jsonl")
         flow = FlowAnswer((SetUpFlow({"deburr": "a1", "mark": "a2"}, 150.0, ((10.0, 0), (30.0, 0))),))
         self.bus.replies = {"line/plant/setup": encode(told), "line/plant/station": encode(told)}
         self.bus.replies |= {f"{name}/twin/zone/flow": encode(flow) for name in ("a", "b")}
-        self.part = LiveOverall(LINE, "act", self.bus, book, history, time.monotonic)  # type: ignore[arg-type]
-        keep_zone_desks(self.bus, ("a", "b"))  # type: ignore[arg-type]
+        self.part = LiveOverall(LINE, "act", self.bus, book, history, time.monotonic)
+        keep_zone_desks(self.bus, ("a", "b"))
         self.send("line/plant/state", encode(told))
         for name in ("a", "b"):
             self.send(f"{name}/twin/zone/state", encode(ZoneState(name, told.time, abilities(name))))

@@ -225,10 +225,13 @@ def test_an_arm_goes_on_only_if_it_reaches_the_places_where_its_boxes_belong() -
     assert looked(some(), {"red"}, mode="propose")[0] == []
 
 
+def nothing(*words: Any) -> None:
+    """Has no hand in it."""
+
+
 @pytest.mark.parametrize("explained", [True, False])
 def test_a_stop_that_nothing_explains_is_told_as_such_once(explained: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     notes: list[Decision] = []
-    nothing = lambda *words: None  # noqa: E731
     hands = Hands(nothing, nothing, lambda station: (), nothing, lambda station: 0, notes.append)
     guard = Guard({"a2": FakeNode(some())}, "act", hands)
     for second in range(40):
@@ -245,7 +248,6 @@ def test_a_stop_that_nothing_explains_is_told_as_such_once(explained: bool, monk
 
 def test_what_is_found_again_and_again_is_told_once_until_the_arm_is_repaired() -> None:
     notes: list[Decision] = []
-    nothing = lambda *words: None  # noqa: E731
     hands = Hands(nothing, nothing, lambda station: (), nothing, lambda station: 0, notes.append)
     guard = Guard({"a2": FakeNode(some())}, "propose", hands)
     for second in range(5):
@@ -280,7 +282,6 @@ def test_an_arm_that_new_settings_make_worse_is_stopped() -> None:
 
 def test_an_arm_that_becomes_slower_is_told_once_though_nothing_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     notes: list[Decision] = []
-    nothing = lambda *words: None  # noqa: E731
     hands = Hands(nothing, nothing, lambda station: (), nothing, lambda station: 0, notes.append)
     node = FakeNode(Capability("all", ("blue", "red"), "nothing is wrong"))
     guard = Guard({"a2": node}, "act", hands)

@@ -189,12 +189,13 @@ def test_at_the_keys_of_a_zone_the_plant_commands_the_stations_of_that_zone_alon
 
 
 def test_settings_that_a_twin_has_found_are_proposed_until_they_are_in_force_or_no_longer_so(tmp_path: Path) -> None:
-    bus, plant = StandIn(), LivePlant(Floor(LINE), (), StandIn(), lambda: 0.0)  # type: ignore[arg-type]
+    bus: Any = StandIn()
+    plant = LivePlant(Floor(LINE), (), bus.beside("line"), lambda: 0.0)
     told = plant._state()
     bus.replies = {"line/plant/station": msgspec.json.encode(told), "line/plant/setup": msgspec.json.encode(told)}
     history = LineFile(tmp_path / "history.jsonl", Decision, "a decision of the line")
     book = Book(tmp_path / "book.jsonl")
-    twin = LiveOverall(LINE, "propose", bus, book, history, monotonic)  # type: ignore[arg-type]
+    twin = LiveOverall(LINE, "propose", bus, book, history, monotonic)
     send = partial(bus.send_beside, serve=lambda seconds: twin.look())
     weak = ArmParameters().with_values({"K3": 0.5 * ArmParameters().get("K3")})
 

@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -132,9 +133,9 @@ def test_a_record_that_lacks_what_was_learned_is_refused(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("wrong", [{"slow": (0.1, -0.1, 0.1)}, {"grip": np.inf}, {"memory": 0.0}])
-def test_impossible_torques_are_refused(wrong: dict[str, object]) -> None:
+def test_impossible_torques_are_refused(wrong: dict[str, Any]) -> None:
     with pytest.raises(ParameterError, match="expected"):
-        Unmodelled(**wrong)  # type: ignore[arg-type]  # the values are wrong, not their types
+        Unmodelled(**wrong)
 
 
 @pytest.mark.usefixtures("fewest_choices")

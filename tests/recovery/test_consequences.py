@@ -1,5 +1,7 @@
 """What may be a consequence of what was found before it: it is answered once it is none."""
 
+from typing import Any
+
 import pytest
 
 from dtwin.recovery.desk import LASTS
@@ -19,6 +21,16 @@ def followed(cell: FakeCell, name: str) -> None:
     cell.found[name], cell.follows[name] = (25.0, 0.001, 1e-4), "K2"
 
 
+def withdrawn(cell: FakeCell, findings: dict[str, Any], name: str, time: float) -> None:
+    """Lets a finding end at a time, s."""
+
+    def change() -> None:
+        if cell.time >= time:
+            findings.pop(name, None)
+
+    cell.changing = change
+
+
 def stopped(cell: FakeCell) -> list[float]:
     """When the arm was stopped, and why it was is the last that was told."""
     return [step.time for step in watched(cell).steps if step.measure == "stop"]
@@ -27,13 +39,13 @@ def stopped(cell: FakeCell) -> list[float]:
 @pytest.mark.parametrize("name", ["drift2", "unknown3", "lock1"])
 def test_a_consequence_that_is_withdrawn_stops_no_arm(cell: FakeCell, name: str) -> None:
     followed(cell, name)
-    cell.changing = lambda: cell.found.pop(name, None) if cell.time >= 35.0 else None  # type: ignore[assignment]
+    withdrawn(cell, cell.found, name, 35.0)
     assert measures_of(watched(cell)) == [("refit", ("K2",))]
 
 
 def test_what_turns_out_to_be_no_consequence_stops_the_arm(cell: FakeCell) -> None:
     followed(cell, "drift2")
-    cell.changing = lambda: cell.follows.pop("drift2", None) if cell.time >= 35.0 else None  # type: ignore[assignment]
+    withdrawn(cell, cell.follows, "drift2", 35.0)
     assert stopped(cell) == [35.0]
 
 
@@ -57,7 +69,7 @@ def test_a_consequence_may_tell_why_the_blocks_have_stopped_the_arm(cell: FakeCe
 def test_friction_that_may_be_a_consequence_is_refitted_once_it_is_none(cell: FakeCell) -> None:
     followed(cell, "D3")
     cell.refits["D3"] = HEALTHY.get("D3") + 0.001
-    cell.changing = lambda: cell.follows.pop("D3", None) if cell.time >= 40.0 else None  # type: ignore[assignment]
+    withdrawn(cell, cell.follows, "D3", 40.0)
     operator = watched(cell)
     assert measures_of(operator) == [("refit", ("K2",)), ("refit", ("D3",))]
     assert operator.steps[1].time >= 40.0

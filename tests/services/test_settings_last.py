@@ -278,7 +278,9 @@ def test_settings_that_cannot_be_written_are_kept_in_memory_until_they_can(tmp_p
     path.parent.mkdir()
     state.save()
     assert state.saved
-    assert not StateFile(path).settings.differing(TUNED)  # type: ignore[union-attr]  # just saved
+    saved = StateFile(path).settings
+    assert saved is not None
+    assert not saved.differing(TUNED)
 
 
 def test_confirmed_settings_are_in_force_before_the_arm_moves(desk: Desk, tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 import pytest
@@ -220,9 +221,9 @@ def test_goals_are_places_or_angles(simulator: Simulator) -> None:
         ({"payload_model": "feather"}, "unknown payload model 'feather'"),
     ],
 )
-def test_impossible_cases_are_refused(changes: dict[str, object], message: str) -> None:
+def test_impossible_cases_are_refused(changes: dict[str, Any], message: str) -> None:
     with pytest.raises(ParameterError, match=message):
-        MotionCase("red", **changes)  # type: ignore[arg-type]  # the values are wrong
+        MotionCase("red", **changes)
 
 
 @pytest.mark.parametrize("payload", [0.0, 0.2])

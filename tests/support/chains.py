@@ -1,6 +1,7 @@
 """Serial chains that are drawn for tests, as URDF, and logs of their motion."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -49,10 +50,10 @@ def drawn_urdf(joints: int, seed: int, *, planar: bool = False, prismatic: int =
     return "\n".join([*parts, "</robot>"])
 
 
-def drawn_arm(folder: Path, joints: int, seed: int, **options: bool | int) -> Arm:
+def drawn_arm(folder: Path, joints: int, seed: int, **options: Any) -> Arm:
     """The chain of `drawn_urdf`, written to and read from a file."""
     file = folder / "drawn.urdf"
-    file.write_text(drawn_urdf(joints, seed, **options))  # type: ignore[arg-type]
+    file.write_text(drawn_urdf(joints, seed, **options))
     return read_urdf(file)
 
 

@@ -176,7 +176,7 @@ class ChainPlant:
             DivergenceError: the motion is not finite any more.
         """
         model, data, steps = self._model, self._data, self._gears.steps
-        if self._friction.every_step(self._failing):
+        if self._friction.loaded:
             for _ in range(steps):
                 self._friction.set_dry(data, self._failing)
                 mujoco.mj_step(model, data)

@@ -1,23 +1,8 @@
-/* The control application of dtwin, its function blocks as machine code, with its clock. */
+/* The control application of an arm, its function blocks as machine code, with its clock. */
 #ifndef DTWIN_CONTROL_H
 #define DTWIN_CONTROL_H
 
-#include "model.h"
-#include "program.h"
-
-struct control {
-    struct program program;
-    /* inputs: a sample */
-    double theta[3];
-    double gripper;
-    bool box_present;
-    char box_colour[MODEL_TEXT];
-    /* outputs: the command that answers it */
-    double volts[4];
-    bool box_gripped;
-    /* the clock */
-    double wait; /* until the next tick is due */
-};
+#include "control_state.h"
 
 /* Connects the block that talks with the arm. */
 void control_attach(struct control *control);

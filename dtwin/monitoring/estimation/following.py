@@ -157,15 +157,6 @@ def misfit_after(before: float, score: Array, information: Array, used: Any) -> 
     return before + _RECENT * (total / count - before) if count else before
 
 
-@kernel(uses=(arrays, stepping))
-def _rests(filters: Filters, m: MotionArrays, volts: Array) -> bool:
-    """Whether dry friction would hold the locked joint as well: that it rests is no news then, however much surer
-    one is of a joint that is locked."""
-    joint = filters[0].locked - 1
-    sticks = filters[0].friction[joint] > 0.0
-    return sticks and abs(stepping.freed(filters, m, joint, volts)) < STANDSTILL
-
-
 @kernel(uses=(arrays, kernels, motion, stepping))
 def follow(
     filters: Filters,
@@ -192,7 +183,11 @@ def follow(
     for k in range(len(rows.volts)):
         if course.opened <= k < course.opening:
             spread(f.P, f.x, opening)
-        news = not (f.locked and _rests(filters, m, rows.volts[k]))
+        news = True
+        if f.locked and f.friction[f.locked - 1] > 0.0:
+            # Where dry friction would hold the joint as well it is no news that it rests, however much surer one is
+            # of a joint that is locked.
+            news = not abs(stepping.freed(filters, m, f.locked - 1, rows.volts[k])) < STANDSTILL
         stepping.predict(filters, m, rows.volts[k], rows.doubt[k])
         for i in range(3):
             used[i] = rows.used[k, i] and not (stopped and i == joint)

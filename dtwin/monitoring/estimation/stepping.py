@@ -45,7 +45,8 @@ def predict(filters: Filters, m: MotionArrays, volts: Array, doubt: float) -> No
     possible, end = np.empty(SIZE), np.empty(6)
     torque, displaced, slowed = np.empty(3), np.empty(3), np.empty(3)
     kernels.bound(f.x, f.least, f.most, m.gripped, possible)
-    motion.carry(possible, volts, m, f.locked, end, f.F)
+    # A view, since an array in a record has a type of its own, for which the motion would be compiled once more.
+    motion.carry(possible, volts, m, f.locked, end, f.F[:])
     for i in range(3):
         if f.scaled[i]:
             f.growth[i] = end[i] - possible[i]
@@ -91,5 +92,6 @@ def freed(filters: Filters, m: MotionArrays, joint: int, volts: Array) -> float:
     kernels.bound(f.x, f.least, f.most, m.gripped, possible)
     later, commands, acting, mean = m.later.copy(), m.commands.copy(), m.acting.copy(), m.mean.copy()
     apart = MotionArrays(m.rigid, m.twin, m.vector, m.gripped, later, commands, acting, mean)
-    motion.carry(possible, volts, apart, 0, end, F)
+    none = min(f.locked, 0)  # of the type that the motion is compiled for; the number itself has one of its own
+    motion.carry(possible, volts, apart, none, end, F)
     return end[W + joint]

@@ -185,7 +185,9 @@ def _work(
     possible, end = np.empty(SIZE), np.empty(6)
     torque, displaced, slowed, eccentric = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     expected = Expected(np.empty(3), np.empty(3), True)
-    evidence = Evidence(f.x, f.least, f.friction, f.F, f.gains, f.score, f.information, f.memory, f.growth)
+    # Views, since arrays in a record have types of their own, for which kernels would be compiled once more.
+    x, least, friction, F, gains = f.x[:], f.least[:], f.friction[:], f.F[:], f.gains[:]
+    evidence = Evidence(x, least, friction, F, gains, f.score[:], f.information[:], f.memory, f.growth[:])
     doubted, held = batch.doubted, batch.command.copy()
     past.known[:] = False
     for k in range(len(batch.told)):
@@ -195,12 +197,12 @@ def _work(
         sensing.apply(r, batch.told[k, :3], angles)
         columns.doubt[k], columns.fresh[k] = doubt, r.new
         kernels.bound(f.x, f.least, f.most, m.gripped, possible)
-        motion.carry(possible, volts, m, 0, end, f.F)
+        motion.carry(possible, volts, m, f.locked, end, F)
         kernels.carry(f.x, end, f.memory, f.growth)
         kernels.disturb(f, volts, m.later, doubt, torque, displaced, slowed)
         kernels.predict(f, torque, displaced, slowed)
         motion.eccentricity(f.x[:3], f.sine, f.cosine, eccentric)
-        kernels.expect(f.x, f.P, eccentric, f.noise, expected.angles, expected.deviation)
+        kernels.expect(x, f.P[:], eccentric, f.noise[:], expected.angles, expected.deviation)
         sensing.judge(r, expected, angles, used)
         likelihood = kernels.correct(f, angles - eccentric, used)
         columns.likelihood[k] = likelihood

@@ -23,7 +23,9 @@ from iec61499.management.protocol import (
     ManagedConnection,
     ManagementError,
     Request,
+    RequestAction,
     Response,
+    Subject,
 )
 from iec61499.mapping import device_network, resource_network
 from iec61499.net.address import LOOPBACK, Address
@@ -86,7 +88,7 @@ def test_the_smallest_change_is_made_while_the_cell_runs(served: ServedDevice, t
 class StepByStep(ManagementClient):
     """A session with a device that gathers no changes, as a FORTE."""
 
-    def request(self, resource: str, action, subject=None) -> Response:  # type: ignore[no-untyped-def]
+    def request(self, resource: str, action: RequestAction, subject: Subject | None = None) -> Response:
         if isinstance(subject, Change):
             return Response("", "INVALID_OBJECT")
         return super().request(resource, action, subject)

@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from typing import Any
+
 import pytest
 
 from iec61499.deploy.build import deploy
 from iec61499.deploy.difference import change, difference
 from iec61499.deploy.listing import NOTE, SHORT_PIECE, Listing, listed, write_note
 from iec61499.deploy.plan import Deployment, plan_deployment
-from iec61499.management.client import ManagementClient
-from iec61499.management.protocol import ManagedBlock, ManagedConnection, ManagementError, Response
+from iec61499.management.client import ManagementClient, Step
+from iec61499.management.protocol import (
+    ManagedBlock,
+    ManagedConnection,
+    ManagementError,
+    RequestAction,
+    Response,
+    Subject,
+)
 from tests.support.iec61499.networks import network
 from tests.support.iec61499.served_device import ServedDevice
 
@@ -17,10 +27,10 @@ from tests.support.iec61499.served_device import ServedDevice
 class OldClient(ManagementClient):
     """A session with a device that answers as FORTE 2 does: it hides names with dots, and prints 15 digits."""
 
-    def request(self, resource: str, action, subject=None) -> Response:  # type: ignore[no-untyped-def]
+    def request(self, resource: str, action: RequestAction, subject: Subject | None = None) -> Response:
         return self._old(super().request(resource, action, subject))
 
-    def request_all(self, steps):  # type: ignore[no-untyped-def]
+    def request_all(self, steps: Sequence[Step]) -> list[Response]:
         return [self._old(response) for response in super().request_all(steps)]
 
     @staticmethod
@@ -54,7 +64,7 @@ def plan(served: ServedDevice, extra: str = "", pv: str = "3") -> Deployment:
 
 
 @pytest.fixture
-def client(served: ServedDevice):  # type: ignore[no-untyped-def]
+def client(served: ServedDevice) -> Iterator[OldClient]:
     with OldClient(served.management.address) as session:
         yield session
 
@@ -99,8 +109,8 @@ def test_names_with_the_resource_in_front(
         deploy(plain, plan(served))
         demanded = ManagementClient.demand
 
-        def demand(self: ManagementClient, resource: str, action, subject=None) -> Response:  # type: ignore[no-untyped-def]
-            response = demanded(self, resource, action, subject)
+        def demand(self: ManagementClient, *step: Any) -> Response:
+            response = demanded(self, *step)
             links = response.connections
             if links is None:
                 return response

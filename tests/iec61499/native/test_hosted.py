@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -93,7 +94,7 @@ def trio(kinds: Sequence[type[HostedResource | Resource]]) -> list[HostedResourc
     return [kind(each, Types(), transport) for kind, each in zip(kinds, drawn, strict=True)]
 
 
-def scenario(resources: list[HostedResource | Resource], seed: int) -> list[object]:
+def scenario(resources: list[HostedResource | Resource], seed: int) -> list[Any]:
     rng = random.Random(seed)
     sender, receiver, answerer = resources
     sender.write("SEND.ID", "a")
@@ -105,7 +106,7 @@ def scenario(resources: list[HostedResource | Resource], seed: int) -> list[obje
         resource.write(f"{block}.QI", True)
         resource.trigger(f"{block}.INIT")
         resource.run_until_idle()
-    seen: list[object] = []
+    seen: list[Any] = []
     for _ in range(60):
         if rng.random() < 0.3:
             resource, block = rng.choice(blocks)
@@ -126,7 +127,7 @@ def test_communication_says_and_gives_the_same(seed: int) -> None:
     expected = scenario(trio([Resource, Resource, Resource]), seed)
     assert scenario(trio([HostedResource, HostedResource, HostedResource]), seed) == expected
     assert scenario(trio([Resource, HostedResource, Resource]), seed) == expected
-    assert any(state[1]["B"]["OUT"] for state in expected)  # type: ignore[index]
+    assert any(state[1]["B"]["OUT"] for state in expected)
 
 
 def test_what_fails_in_a_service_is_an_error_of_its_event() -> None:

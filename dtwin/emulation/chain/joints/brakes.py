@@ -21,7 +21,8 @@ class Brakes:
         self._torque = np.array([0.0 if brake is None else brake.torque for brake in fitted])
         delay = [0.0 if brake is None else brake.delay for brake in fitted]
         self._ticks = np.ceil(np.array(delay) / arm.period)
-        self._engaged = np.zeros(len(fitted))
+        self._released = np.zeros(len(fitted))
+        self._engaged = self._released
 
     def act(self, engaged: Sequence[bool]) -> Array:
         """What they hold in the next tick, (n,), N m or N.
@@ -29,6 +30,9 @@ class Brakes:
         Args:
             engaged: whether each has the command to hold, (n,).
         """
+        if not any(engaged):
+            self._engaged = self._released
+            return self._released
         self._engaged = np.where(engaged, self._engaged + 1.0, 0.0)
         held: Array = np.where(self._engaged > self._ticks, self._torque, 0.0)
         return held

@@ -24,6 +24,8 @@ class Encoders:
     def __init__(self, machine: Machine, seed: int) -> None:
         steps = np.array([joint.step for joint in machine.arm.joints])
         self.step = steps if machine.encoders else np.zeros_like(steps)
+        self._stepped = self.step > 0.0
+        self._steps = np.where(self._stepped, self.step, 1.0)
         self._deviation = machine.arm.tolerances.noise if machine.encoders else 0.0
         self._real = machine.encoders
         self._generator = np.random.default_rng(seed)
@@ -34,8 +36,7 @@ class Encoders:
         if not self._real:
             return q
         q = q + self._deviation * self._generator.standard_normal(len(q))
-        steps = np.where(self.step > 0.0, self.step, 1.0)
-        return np.where(self.step > 0.0, steps * np.floor(q / steps + 0.5), q)
+        return np.where(self._stepped, self._steps * np.floor(q / self._steps + 0.5), q)
 
     def draw(self, samples: int) -> Array | None:
         """The noise of the next samples, (N, n), rad or m; None for nothing."""

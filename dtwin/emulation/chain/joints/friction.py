@@ -28,7 +28,7 @@ class JointFriction:
         dry: whether Coulomb friction, and friction that grows with the load, act.
 
     Attributes:
-        loaded: whether any friction grows with the load.
+        loaded: whether any friction grows with the load, so that it is another one in each integration step.
     """
 
     def __init__(self, arm: Arm, model: mujoco.MjModel, gears: Gears, dry: bool) -> None:
@@ -42,6 +42,7 @@ class JointFriction:
         self._motors = np.arange(model.nv)[gears.motor]
         self._dry = dry
         self._braked: Array = np.zeros(len(arm))
+        self._locked = bytes(len(arm))
         self.loaded = bool(dry and self._share.any())
         if dry:
             model.dof_frictionloss[gears.motor] = self._coulomb
@@ -55,17 +56,19 @@ class JointFriction:
     def fail(self, failing: Failing) -> None:
         """Lets faults change viscous friction, and how stiffly a joint is held that is locked."""
         self._model.dof_damping[self._gears.motor] = self._damping * failing.friction
-        self._hold(failing)
+        if failing.locked.tobytes() != self._locked:
+            self._hold(failing)
 
     def brake(self, torque: Array, failing: Failing) -> None:
         """Lets brakes hold the motors with torques, (n,), N m or N; 0 where one is released."""
-        if not np.array_equal(torque, self._braked):
-            self._braked = torque
+        before, self._braked = self._braked, torque
+        if torque is not before and not np.array_equal(torque, before):
             self._model.dof_frictionloss[self._motors] = torque + (self._coulomb if self._dry else 0.0)
             self._hold(failing)
 
     def _hold(self, failing: Failing) -> None:
         """Lets joints that are locked, and motors whose brakes hold, not creep."""
+        self._locked = failing.locked.tobytes()
         self._model.dof_solimp[:, :2] = self._impedance
         held = *self._motors[self._braked > 0.0], *np.flatnonzero(failing.locked)
         self._model.dof_solimp[held, :2] = _RIGID
@@ -75,16 +78,12 @@ class JointFriction:
         """Whether a brake holds a joint."""
         return bool(self._braked.any())
 
-    def every_step(self, failing: Failing) -> bool:
-        """Whether dry friction is another one in each integration step."""
-        return self._dry and (self.loaded or bool(failing))
-
     def set_dry(self, data: mujoco.MjData, failing: Failing) -> None:
         """Sets the dry friction for the next integration step, from what the gears carry."""
         loss: Array = np.zeros(len(self._rotor))
         if self._dry:
-            carried = self._gears.carried(data, self._rotor)
-            loss = failing.friction * (self._coulomb + self._share * carried)
+            with_load = self._share * self._gears.carried(data, self._rotor) if self.loaded else 0.0
+            loss = failing.friction * (self._coulomb + with_load)
         loss = loss + self._braked
         dry = self._model.dof_frictionloss
         if self._gears.elastic:

@@ -1,6 +1,6 @@
 /* A serial arm of JOINTS joints: the equations of dtwin/equations/chain.c with the friction of its gears. SI units. */
-#ifndef DTWIN_ARM_H
-#define DTWIN_ARM_H
+#ifndef DTWIN_ARM_STATE_H
+#define DTWIN_ARM_STATE_H
 
 #include <stdbool.h>
 
@@ -22,23 +22,5 @@ struct arm {
     double q[JOINTS], qd[JOINTS], qdd[JOINTS];
     double carried[JOINTS]; /* torques that the gears carried in the last step */
 };
-
-/* Puts the state to the start, from where it moves. */
-void arm_begin(struct arm *arm);
-
-/* Computes what follows from state and inputs; before the beginning the state is the start. */
-void arm_refresh(struct arm *arm);
-
-/* Whether the parameters fit together; returns what is wrong, or a null pointer. */
-const char *arm_check(const struct arm *arm);
-
-/* Integrates over a duration, whose number has a rounding, the inputs held. Returns what is wrong, or a null pointer. */
-const char *arm_advance(struct arm *arm, double duration, double rounding);
-
-/* Whether the state can be used; for bytes that come from somewhere. */
-bool arm_is_sound(const struct arm *arm);
-
-/* How the state and the accelerations move in a direction; whether that is known, which it is not of these arms. */
-bool arm_derivative(const struct arm *arm, const struct arm *direction, struct arm *moved);
 
 #endif
