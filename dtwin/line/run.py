@@ -198,18 +198,22 @@ class LineRun:
         self.work.reconsider(self._guard.by_hand(station, who, why, self.time), station)
 
     def settle(self, station: str, who: str, why: str) -> None:
-        """Has an arm work with the settings that its twin has found.
+        """Has an arm work with the settings that its twin has found, and releases it with them if it is stopped.
 
         Raises:
             ParameterError: there is no such station, or its twin has found none.
         """
         self._check_station(station)
-        found = self.capability(station)
+        able = self.capability(station)
+        found = able.once_released or able
         if found.settings is None:
             raise ParameterError(f"station {station}: expected one whose twin has found other settings: {found.why}")
+        if found is not able:  # with a release come the settings of its cell; that it moves again the next look finds
+            self.emulated[station].give("release")
         self.emulated[station].give("settings", text=settings_text(found.settings))
         self._note(Decision(self.time, who, "settings", why, station))
-        self.work.reconsider(f"{station} can do {found.ability}", station)
+        if found is able:
+            self.work.reconsider(f"{station} can do {found.ability}", station)
 
     def release(self, station: str, who: str, why: str) -> None:
         """Lets a stopped arm move again, or one with other settings work with its own, as one that is repaired.

@@ -116,6 +116,7 @@ class EmulatedStation:
         log: its log, the same to the byte as that of the cell alone with the same `inputs`.
         inputs: everything that was done to it.
         settings: what its blocks have in the place of the settings of its cell; None for nothing.
+        released: tick of 10 ms at which its arm was released last, 0 for never.
 
     Raises:
         DtwinError: its cell cannot be.
@@ -138,6 +139,7 @@ class EmulatedStation:
         self.log = RunLog(metadata(settings))
         self.inputs: list[Input] = []
         self.settings: ArmSettings | None = None
+        self.released = 0
         self._usual, self._port = settings.control, EmbeddedPort(self._controller)
         self.colours = settings.task.colours
         blocks = self._controller.resource
@@ -200,6 +202,8 @@ class EmulatedStation:
                 self._put(None)
             state = {"failed": 2, "angles unknown": 3, "release": 0}[given.kind]
             self._verdict.exchange((state, 1.0, given.kind == "release"))
+        if given.kind == "release":
+            self.released = given.tick
         self.inputs.append(given)
 
     def _put(self, settings: ArmSettings | None) -> None:

@@ -21,6 +21,7 @@ from evidence.experiment import SeriesCommand
 from evidence.line.best import STANDING, best_rate, work_times
 from evidence.line.expected import Known, expected
 from evidence.line.otherwise import USUAL, Otherwise
+from evidence.line.person import Person
 from evidence.report import Report, page, table
 
 Causes = Literal["stopping", "slowing", "weakening", "any"]
@@ -75,6 +76,7 @@ class LineTrial:
         duration: plant time, s.
         twins: whether the twins act.
         what: what is otherwise than in the line's file.
+        approved: time after which a person approves what the twins propose for a stopped arm, s; 0 for nobody.
     """
 
     line: str
@@ -85,6 +87,7 @@ class LineTrial:
     duration: float
     twins: bool
     what: Otherwise = USUAL
+    approved: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,20 +180,22 @@ def tried(trial: LineTrial) -> LineOutcome:
     run = LineRun(line, LineSettings(trial.duration, "act" if trial.twins else "off", fault))
     since, known = _since(trial), Known(None, work_times(line), ())
 
-    stopping = (*CAUSES["stopping"], *(OTHER_CAUSES if trial.station in dict(trial.what.cells) else ()))
-    then, able = run.situation, trial.fault if trial.fault not in stopping else ""
+    then, stopped, answered = run.situation, False, False
+    person = Person(run, trial.station, trial.approved)
 
     def look() -> None:
-        nonlocal then, able, known
-        acts = trial.twins and run.time <= since and not _answers(run)
-        if trial.station and (acts or run.time <= trial.begins):
-            then = run.situation
-            able = "" if run.plant.stations[trial.station].report.stop else able
+        nonlocal then, stopped, answered, known
+        person.look()
+        if trial.station and not answered:
+            answered = bool(_answers(run)) or run.time > (since if trial.twins else trial.begins)
+            stopped = bool(run.plant.stations[trial.station].report.stop)
+            then = then if answered else run.situation
         if run.time <= since < run.time + CYCLE:
             known = Known(run.situation, run.times(), tuple(filter(run.is_stopped, run.times())))
 
     run.run(look=look)
     answers = _answers(run) if trial.station else []
+    able = "" if trial.fault in _stopping(trial) or (stopped and not person.released) else trial.fault
     left = [time for _, time in run.plant.left]
     return LineOutcome(
         trial,
@@ -204,6 +209,11 @@ def tried(trial: LineTrial) -> LineOutcome:
         run.plant.collisions,
         not left or run.time - left[-1] > STANDING,
     )
+
+
+def _stopping(trial: LineTrial) -> tuple[str, ...]:
+    """The causes with which the arm of a trial can do nothing."""
+    return (*CAUSES["stopping"], *(OTHER_CAUSES if trial.station in dict(trial.what.cells) else ()))
 
 
 def _answers(run: LineRun) -> list[Decision]:
@@ -301,7 +311,8 @@ def faults_report(outcomes: Sequence[LineOutcome]) -> Report:
         " largest of all ways to share the operations out among the stations that are left, and, where the arm can go"
         " on, with it at the shortest target time that it can have, each simulated from the line on as it was when"
         " the twins answered, or at the fault if they did not;"
-        " predicted is what the twins expect of the assignment that the line has."
+        " an arm that its blocks have stopped by then can go on if a person has released it."
+        " Predicted is what the twins expect of the assignment that the line has."
         f" {soon(outcomes, True)} of {failed} faults were answered within {SOON:g} s of the first motion after them,"
         f" {soon(outcomes, False)} within {SOON:g} s of the fault itself: while the arm stands, most cannot be seen."
     )
@@ -343,6 +354,8 @@ class ExperimentLine(SeriesCommand[list[LineOutcome]]):
     Faults befall the others, but with --causes any."""
     machine: tuple[str, ...] = ()
     """Machines that the arms of these cells are, one after the other in the runs."""
+    approved: float = 0.0
+    """Time after which a person approves what the twins propose for an arm that is stopped, s; 0 for nobody."""
     without: bool = False
     """Try every fault without twins, too."""
 
@@ -353,11 +366,12 @@ class ExperimentLine(SeriesCommand[list[LineOutcome]]):
             raise ParameterError(f"--duration: expected {_SHORTEST:g} s at least, got {self.duration:g}")
         at_least("--every", self.every, 0.0)
         at_least("--light", self.light, 0.0)
+        at_least("--approved", self.approved, 0.0)
         drawn = trials(
             *(self.line, self.faults, self.healthy, self.duration, self.seed),
             *((True, False) if self.without else (True,), self.causes, self._whats()),
         )
-        return line_faults(drawn, self.workforce(), progress)
+        return line_faults([replace(each, approved=self.approved) for each in drawn], self.workforce(), progress)
 
     def _whats(self) -> list[Otherwise]:
         pairs = [each.partition("=") for each in self.other]

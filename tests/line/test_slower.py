@@ -172,8 +172,8 @@ class FakeNode:
     def repaired(self) -> None:
         self.doubt = ""
 
-    def stopped(self, why: str) -> None:
-        self.capability = Capability("nothing", (), why)
+    def stopped(self, why: str, then: Capability | None = None) -> None:
+        self.capability = Capability("nothing", (), why) if then is None else then.stopped(why)
 
     def watch(
         self, log: Any, arm: int, stopped: bool = False, settings: Any = None, mass: float | None = None
@@ -233,7 +233,7 @@ def nothing(*words: Any) -> None:
 def test_a_stop_that_nothing_explains_is_told_as_such_once(explained: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     notes: list[Decision] = []
     hands = Hands(nothing, nothing, lambda station: (), nothing, lambda station: 0, notes.append)
-    guard = Guard({"a2": FakeNode(some())}, "act", hands)
+    guard = Guard({"a2": FakeNode(Capability("all", ("red",), "nothing is wrong"))}, "act", hands)
     for second in range(40):
         late = [found("K1", -0.4)] if explained and second == 5 else []
         monkeypatch.setattr(FakeNode, "watch", lambda self, *words, late=late: late)

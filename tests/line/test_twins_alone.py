@@ -75,9 +75,11 @@ class Wire:
         return self._reply(message)
 
 
-def state(time: float, version: int = 0, stop: int = 0, settings: ArmSettings | None = None) -> PlantState:
+def state(
+    time: float, version: int = 0, stop: int = 0, settings: ArmSettings | None = None, released: float = 0.0
+) -> PlantState:
     usual = tuple(StationReading(each.name, 0, 0) for each in LINE.stations)
-    changed = StationReading("a2", 0, stop, "it smokes" if stop else "", settings=settings)
+    changed = StationReading("a2", 0, stop, "it smokes" if stop else "", settings=settings, released=released)
     stations = tuple(changed if each.name == "a2" else each for each in usual)
     vehicles = tuple(
         VehicleSeen(vehicle.name, zone.name, "home", (0.0, 0.0), 100.0)
@@ -97,7 +99,7 @@ def test_a_stop_that_nobody_answers_is_said_again_until_the_arm_is_stopped() -> 
     zone._stop("a2", "failed", "it smokes")
     for time in (1.0, 2.0, 3.0):
         zone.take(state(time))
-    assert wire.asked == [(PLANT_WORD, PlantWord("a2", "failed", "it smokes"))] * 4
+    assert wire.asked == [(PLANT_WORD, PlantWord("a2", "failed", "it smokes", seen=0.0))] * 4
     for time in (4.0, 5.0):
         zone.take(state(time, stop=1))
     assert len([asked for asked in wire.asked if asked[0] == PLANT_WORD]) == 4
@@ -112,7 +114,7 @@ def test_settings_that_nobody_answers_are_said_again_until_the_plant_tells_them(
     zone._settle("a2", slower, "friction")
     for time in (1.0, 2.0):
         zone.take(state(time))
-    assert wire.asked == [(PLANT_WORD, PlantWord("a2", "settings", "friction", slower))] * 3
+    assert wire.asked == [(PLANT_WORD, PlantWord("a2", "settings", "friction", slower, 0.0))] * 3
     zone.take(state(3.0, settings=slower))
     zone.take(state(4.0, settings=slower))
     assert len(wire.asked) == 3
@@ -122,6 +124,36 @@ def test_settings_that_nobody_answers_are_said_again_until_the_plant_tells_them(
         "it has the settings of its cell again: somebody has released it"
     )
     assert zone._twin.capability("a2").settings is None
+
+
+@pytest.mark.parametrize("stopped", [True, False])
+def test_what_was_asked_before_a_person_has_released_the_arm_is_asked_no_more(stopped: bool) -> None:
+    """The plant tells once in two cycles what it does: a stop that was over by then nobody has seen."""
+
+    def nobody(message: Any) -> Any:
+        raise CommunicationError("nobody answers")
+
+    wire = Wire(nobody)
+    zone = LiveZone(LINE, 0, "act", cast(Bus, wire), lambda came: None)
+
+    def words() -> int:
+        return [topic for topic, message in wire.asked].count(PLANT_WORD)
+
+    zone.take(state(1.0))
+    if stopped:
+        zone._guard._stop("a2", "failed", "it smokes", 1.0)
+    else:
+        zone._settle("a2", ArmSettings(2.5, ArmParameters()), "friction")
+    zone.take(state(2.0))
+    assert words() == 2
+    zone.take(state(3.0, released=2.4))
+    zone.take(state(4.0, released=2.4))
+    assert words() == 2
+    assert zone._guard.stopped == set()
+    assert zone._twin.capability("a2").ability == "all"
+    zone._stop("a2", "failed", "it smokes again")
+    zone.take(state(5.0, released=2.4))
+    assert words() == 4, "what was asked after that counts"
 
 
 def overall(wire: Wire, folder: Path, history: LineFile[Decision]) -> LiveOverall:
@@ -167,7 +199,9 @@ def test_at_the_keys_of_a_zone_the_plant_commands_the_stations_of_that_zone_alon
             self.acts[self.arm, topic.name] = act
 
     wire, now = Keys(), 0.0
-    plant = LivePlant(Floor(LINE), (), cast(Bus, wire), lambda: now)
+    floor = Floor(LINE)
+    plant = LivePlant(floor, (), cast(Bus, wire), lambda: now)
+    floor.step()
 
     def asked(arm: str, topic: Topic, message: Any) -> Any:
         with ThreadPoolExecutor(1) as pool:
@@ -180,12 +214,53 @@ def test_at_the_keys_of_a_zone_the_plant_commands_the_stations_of_that_zone_alon
     with pytest.raises(DtwinError, match="zone b: expected one of its stations, b1 or b2, got 'a2'"):
         asked("b", PLANT_WORD, stop)
     assert asked("a", PLANT_WORD, stop).stations[1].why == "it smokes"
+    slower = ArmSettings(2.5, ArmParameters())
+    release = PlantWord("a2", "release", "mended, but slower", slower)
+    with pytest.raises(DtwinError, match="expected that of a person, from the twin of the line; this is zone a"):
+        asked("a", PLANT_WORD, release)
+    with pytest.raises(DtwinError, match="station a2: target time: expected"):
+        asked("line", PLANT_WORD, msgspec.structs.replace(release, settings=ArmSettings(0.0, ArmParameters())))
+    assert asked("a", PLANT_WORD, stop).stations[1].stop
+    freed = asked("line", PLANT_WORD, release).stations[1]
+    assert (freed.stop, freed.settings, freed.released) == (0, slower, pytest.approx(plant.time))
+    late = msgspec.structs.replace(stop, seen=plant.time)
+    assert asked("a", PLANT_WORD, late).stations[1].stop == 0, "it was concluded before somebody released the arm"
+    assert asked("a", PLANT_WORD, msgspec.structs.replace(stop, seen=plant.time + 0.1)).stations[1].stop
     moved = PlantSetUp(0, {**LINE.assignment, "mark": "a1"})
     with pytest.raises(DtwinError, match="zone b: expected one of its stations"):
         asked("b", PLANT_SET_UP, moved)
     with pytest.raises(DtwinError, match="zone a: expected one of its stations, a1 or a2, got 'b1'"):
         asked("a", PLANT_SET_UP, PlantSetUp(0, {**LINE.assignment, "mark": "b1"}))
     assert asked("a", PLANT_SET_UP, moved).set_up["mark"] == "a1"
+
+
+def test_twins_that_act_propose_settings_of_stopped_arms_alone_and_a_person_releases_them(tmp_path: Path) -> None:
+    def the_plant_alone(message: Any) -> PlantState:
+        if not isinstance(message, PlantWord):
+            raise CommunicationError("no zone answers")
+        return state(2.0)
+
+    wire = Wire(the_plant_alone)
+    twin = overall(wire, tmp_path, LineFile(tmp_path / "history.jsonl", Decision, "a decision"))
+    weak = ArmSettings(2.5, ArmParameters())
+
+    def proposed(able: StationAbility) -> list[tuple[str, FoundSettings | None]]:
+        """What is proposed once the twin of zone a has told what a2 can do."""
+        wire.heard[PLANT_STATE.name](state(1.0, stop=int(able.ability == "nothing")))
+        well = StationAbility("a1", "all", PLACES, "nothing is wrong")
+        twin._zones[0]._hold(ZoneState("a", 1.0, (well, able)))
+        twin.look()
+        return [(each.state, each.request.settle) for each in twin._answers._book.newest(1.0, 0)]
+
+    assert proposed(StationAbility("a2", "slower", PLACES, "its motor is weak", weak)) == []
+    found = FoundSettings("a2", weak.text(), "slower", True)
+    stopped = StationAbility("a2", "nothing", (), "slower: its motor is weak", weak, once_released="slower")
+    assert proposed(stopped) == proposed(stopped) == [("open", found)]
+    twin.settle("a2", "ada", "as proposed")
+    (word,) = [message for topic, message in wire.asked if topic == PLANT_WORD]
+    assert (word.word, word.settings) == ("release", weak)
+    assert [each.what for each in twin.state().decisions if each.who == "ada"] == ["settings"]
+    assert proposed(StationAbility("a2", "nothing", (), "it was stopped by bob")) == [("expired", found)]
 
 
 def test_settings_that_a_twin_has_found_are_proposed_until_they_are_in_force_or_no_longer_so(tmp_path: Path) -> None:

@@ -16,6 +16,8 @@ from dtwin.names import Name
 from dtwin.parameters import ArmParameters
 from dtwin.signals import SCHEMA, Count, Line, Seconds, Word
 
+Ability = Literal["all", "slower", "some places", "lighter boxes", "nothing"]
+"""What an arm can still do."""
 WAYS: Final = 3
 """Most ways in which a zone does its share that the twin of the line compares."""
 
@@ -84,6 +86,7 @@ class StationReading(msgspec.Struct, frozen=True):
         load: the place to which its arm shall bring the box that it has or is offered, and the mass of that, kg; None
             for none, and where nobody tells boxes apart by their masses.
         zone: zone that it is in.
+        released: plant time at which somebody has released its arm last, s; 0 for never.
     """
 
     name: Word
@@ -100,6 +103,7 @@ class StationReading(msgspec.Struct, frozen=True):
     settings: Settings | None = None
     load: tuple[Word, float] | None = None
     zone: Word = ""
+    released: Seconds = 0.0
 
 
 class PlantState(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
@@ -157,13 +161,16 @@ class PlantWord(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):
         word: what is so: the arm has failed, its angles are unknown, it has other settings, or it is released, which
             gives it the settings of its cell back.
         why: reason, with who gives it.
-        settings: the other settings.
+        settings: the other settings; with a release those that it has in the place of those of its cell.
+        seen: plant time of what a twin has concluded it from, s: nothing is done once somebody has released the arm
+            since then; None for what a person says.
     """
 
     station: Name
     word: Literal["failed", "angles unknown", "settings", "release"]
     why: Line
     settings: Settings | None = None
+    seen: Seconds | None = None
 
 
 class StationAbility(msgspec.Struct, frozen=True):
@@ -176,14 +183,17 @@ class StationAbility(msgspec.Struct, frozen=True):
         why: why, in words.
         settings: settings of its blocks with which it can do that; None for those in force.
         lighter: other places to which it can bring lighter boxes, and the largest mass of their classes, kg.
+        once_released: what an arm that is stopped could do with the settings once a person releases it; null for an
+            arm that is not, or for which nobody knows such settings.
     """
 
     name: Word
-    ability: Literal["all", "slower", "some places", "lighter boxes", "nothing"]
+    ability: Ability
     places: tuple[Word, ...]
     why: Line
     settings: Settings | None = None
     lighter: Annotated[tuple[tuple[Word, float], ...], msgspec.Meta(max_length=64)] = ()
+    once_released: Ability | None = None
 
 
 class ZoneState(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):

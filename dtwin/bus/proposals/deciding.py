@@ -145,7 +145,7 @@ def _settle(bus: Bus, proposal: Proposal, who: str) -> str:
     found = proposal.request.settle
     assert found is not None
     bus.ask(LINE_SETTLE, StationWord(who, _reason(proposal), found.station), LineState)
-    return f"{found.station} works with {found.settings}"
+    return f"{found.station} {'is released and ' if found.releases else ''}works with {found.settings}"
 
 
 def _acknowledge(bus: Bus, proposal: Proposal, who: str) -> str:

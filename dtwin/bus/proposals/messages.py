@@ -36,11 +36,13 @@ class FoundSettings(msgspec.Struct, frozen=True):
         station: name of the station.
         settings: what its blocks have then, in words.
         ability: what the arm can do then: all, slower, some places or lighter boxes.
+        releases: whether the arm is stopped, so that it is released with them.
     """
 
     station: Name
     settings: Line
     ability: Word
+    releases: bool = False
 
 
 class ProposalRequest(msgspec.Struct, frozen=True, tag_field="schema", tag=SCHEMA):

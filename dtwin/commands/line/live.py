@@ -75,7 +75,8 @@ class _Word(_AtLine):
 
 @dataclass(frozen=True, kw_only=True)
 class LineSettle(_Word):
-    """Have the arm of a station work with the settings that its twin has found, as it proposes."""
+    """Have the arm of a station work with the settings that its twin has found, as it proposes. One that is stopped
+    is released with them, if its twin says that it can work then."""
 
     topic: ClassVar = LINE_SETTLE
 

@@ -40,6 +40,7 @@ class ChainStation:
         log: what it has done, the same to the bit as that of the arm alone with the same `inputs`.
         inputs: everything that was done to it.
         settings: what its blocks have in the place of the settings of its cell; None for nothing.
+        released: tick of 10 ms at which its arm was released last, 0 for never.
 
     Raises:
         DtwinError: its blocks cannot be used.
@@ -61,6 +62,7 @@ class ChainStation:
         self.log = ArmRows(settings)
         self.inputs: list[Input] = []
         self.settings: JointSettings | None = None
+        self.released = 0
 
     def fault_end(self, text: str) -> float | None:
         """When a fault is over, s; None if it lasts. Raises FaultError."""
@@ -93,6 +95,8 @@ class ChainStation:
             if given.kind == "release" and self.settings is not None:
                 self._put(None)
             self._controller.judge(_WORDS[given.kind], 1.0, given.kind == "release")
+        if given.kind == "release":
+            self.released = given.tick
         self.inputs.append(given)
 
     def _put(self, settings: JointSettings | None) -> None:

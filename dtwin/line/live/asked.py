@@ -15,12 +15,18 @@ from dtwin.line.control import OneResource
 from dtwin.line.line import Line
 from dtwin.line.live.heard import check_situation
 from dtwin.line.situation import Situation
+from dtwin.parameters import PERIOD
 from iec61499.errors import FunctionBlockError
 
 log = logging.getLogger(__name__)
 
 _LATELY: Final = 1.0
 """Plant time for which a situation is still the one of now, s."""
+
+
+def is_past(word: PlantWord, released: float) -> bool:
+    """Whether a word is about an arm as it was before somebody released it at a plant time (s; 0 for never)."""
+    return word.seen is not None and released > 0.0 and word.seen < released + 0.5 * PERIOD
 
 
 class Recollection:
@@ -76,16 +82,21 @@ class Requests:
         self._say(word)
 
     def look(self, reading: StationReading) -> bool:
-        """Looks whether an arm does what it was asked for; whether it is as it was made to be again."""
+        """Looks whether an arm does what it was asked for; whether it is as it was made to be again.
+
+        What was asked before somebody has released the arm is asked no more: it would undo what a person has decided.
+        """
         name, stop, settings = reading.name, reading.stop, reading.settings
-        if stop or settings is not None:
+        word = self._open.get(name)
+        if stop or settings is not None or word is not None:
             self._changed.add(name)
-        asked = self._open.get(name)
-        if asked is not None and (stop or (asked.word == "settings" and asked.settings == settings)):
+        if word is not None:
+            done = stop or (word.word == "settings" and word.settings == settings)
+            if not done and not is_past(word, reading.released):
+                self._say(word)
+                return False
             del self._open[name]
-        elif asked is not None:
-            self._say(asked)
-        elif name in self._changed and not stop and settings is None:
+        if name in self._changed and not stop and settings is None:
             self._changed.remove(name)
             return True
         return False

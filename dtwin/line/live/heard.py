@@ -64,7 +64,7 @@ def check_plant_state(line: Line, state: PlantState) -> None:
     _same("zones", [zone.name for zone in line.zones], [zone.name for zone in state.zones])
     line.check_assignment(state.set_up)
     for plan, reading in zip(line.stations, state.stations, strict=True):
-        _check_settings(plan, reading.settings)
+        check_settings(plan, reading.settings)
         if reading.arm > HOLDING:
             raise ParameterError(f"station {reading.name}: arm: expected 0 to {HOLDING}, got {reading.arm}")
 
@@ -79,7 +79,7 @@ def check_zone_state(zone: ZonePlan, state: ZoneState) -> None:
         raise ParameterError(f"zone: expected {zone.name}, got {state.zone!r}")
     _same("stations", [s.name for s in zone.stations], [s.name for s in state.stations])
     for plan, able in zip(zone.stations, state.stations, strict=True):
-        _check_settings(plan, able.settings)
+        check_settings(plan, able.settings)
 
 
 def check_question(line: Line, asked: FlowQuestion) -> None:
@@ -183,8 +183,12 @@ def _check_vehicle(zone: ZonePlan, vehicle: VehicleNow) -> None:
         raise ParameterError(f"{name}: slot: expected 0 to {slots}, got {vehicle.slot}")
 
 
-def _check_settings(plan: StationPlan, settings: Settings | None) -> None:
-    """Checks that settings are of the kind of arm that a station has, and within its bounds."""
+def check_settings(plan: StationPlan, settings: Settings | None) -> None:
+    """Checks that settings are of the kind of arm that a station has, and within its bounds.
+
+    Raises:
+        ParameterError: they are not; the message says what was expected.
+    """
     if settings is None:
         return
     believed = believed_arm(plan)

@@ -93,7 +93,7 @@ class DistantZone:
         told = () if self.state is None else self.state.stations
         found = next((each for each in told if each.name == station), None)
         if found is not None and (self.present or found.ability != "all"):
-            return Capability(found.ability, found.places, found.why, found.settings, lighter=found.lighter)
+            return Capability.heard(found)
         readings = () if self.plant is None else self.plant.stations
         stopped = next((each for each in readings if each.name == station and each.stop), None)
         if stopped is not None:
@@ -206,9 +206,8 @@ class LiveOverall:
         self._absence.look(plant.absent, plant.time)
         for zone in self._zones:
             self._look_at(zone)
-        if self._mode == "propose":
-            in_force = {each.name: each.settings for each in plant.stations}
-            self._answers.look_at_settings(self._capability, in_force.__getitem__)
+        in_force = {each.name: each.settings for each in plant.stations}
+        self._answers.look_at_settings(self._mode, self._capability, in_force.__getitem__)
         if self._clock() - self._tried >= _RETRY:
             self._tried = self._clock()
             self.work.retry()
@@ -259,17 +258,18 @@ class LiveOverall:
         self._decisions.note(Decision(self.time, who, "stop", why, station))
 
     def settle(self, station: str, who: str, why: str) -> None:
-        """Has an arm work with the settings that its twin has found.
+        """Has an arm work with the settings that its twin has found, and releases it with them if it is stopped.
 
         Raises:
             ParameterError: there is no such station, or its twin has found none.
             CommunicationError: the plant does not answer.
         """
-        found = self._capability(self._checked(station))
+        able = self._capability(self._checked(station))
+        found = able.once_released or able
         if found.settings is None:
             raise ParameterError(f"station {station}: expected one whose twin has found other settings: {found.why}")
         said = f"asked for by {who}: {why}"[:1000]
-        self._plant.word(PlantWord(station, "settings", said, found.settings))
+        self._plant.word(PlantWord(station, "settings" if found is able else "release", said, found.settings))
         self._decisions.note(Decision(self.time, who, "settings", why, station))
 
     def release(self, station: str, who: str, why: str) -> None:

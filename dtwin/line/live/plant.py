@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Final
 
-from dtwin.bus.line.plant import PlantSetUp, PlantState, PlantWord
+from dtwin.bus.line.plant import PlantSetUp, PlantState, PlantWord, Settings
 from dtwin.bus.line.situation import PlantSituation
 from dtwin.bus.line.topics import PLANT_NOW, PLANT_SET_UP, PLANT_STATE, PLANT_WORD
 from dtwin.bus.messages import FAULT, Done, FaultRequest
@@ -22,13 +22,16 @@ from dtwin.line.floor import Floor
 from dtwin.line.followed import Followed
 from dtwin.line.line import Assignment, ZonePlan
 from dtwin.line.live.arms import ArmPublisher
+from dtwin.line.live.asked import is_past
 from dtwin.line.live.between import Between
 from dtwin.line.live.chain import ChainArmPublisher
+from dtwin.line.live.heard import check_settings
 from dtwin.line.live.pace import Pace
 from dtwin.line.live.seen import RECENT, plant_state
 from dtwin.line.station import settings_text
 from dtwin.line.stations import Emulated
 from dtwin.line.twins.decisions import REPAIRED
+from dtwin.parameters import PERIOD
 
 log = logging.getLogger(__name__)
 
@@ -190,17 +193,25 @@ class LivePlant:
     def _word_in(self, zone: ZonePlan, asked: PlantWord) -> PlantState:
         """Does as the twin of a zone says with one of its stations."""
         _check_inside(zone, asked.station)
+        if asked.word == "release":
+            raise ParameterError(
+                f"release: expected that of a person, from the twin of the line; this is zone {zone.name}"
+            )
         return self._word(asked)
 
     def _word(self, asked: PlantWord) -> PlantState:
         self._check(asked.station)
-        if asked.word == "release":
+        if is_past(asked, PERIOD * self._floor.emulated[asked.station].released):
+            log.info("%s: released since %s was concluded: %s", asked.station, asked.word, asked.why)
+        elif asked.word == "release":
             stopped = self._floor.plant.stations[asked.station].report.stop or asked.station in self._why
             if not stopped and self._floor.emulated[asked.station].settings is None:
                 raise ParameterError(
                     f"station {asked.station}: expected one whose arm is stopped, or works with other settings"
                 )
-            self._release(asked.station, asked.why)
+            plan = next(each for each in self._floor.line.stations if each.name == asked.station)
+            check_settings(plan, asked.settings)  # or it would be released with settings that it cannot work with
+            self._release(asked.station, asked.why, asked.settings)
         elif asked.word == "settings":
             if asked.settings is None:
                 raise ParameterError("settings: expected a target time and a model")
@@ -210,8 +221,11 @@ class LivePlant:
             self._why[asked.station] = asked.why
         return self._state()
 
-    def _release(self, name: str, why: str) -> None:
-        self._floor.emulated[name].give("release")
+    def _release(self, name: str, why: str, settings: Settings | None = None) -> None:
+        station = self._floor.emulated[name]
+        station.give("release")
+        if settings is not None:
+            station.give("settings", text=settings_text(settings))
         self._why.pop(name, None)
         log.info("%s: %s", name, why)
 

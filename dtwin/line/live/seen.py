@@ -27,6 +27,7 @@ from dtwin.line.plant import LineEvent
 from dtwin.line.twins.ability import Capability
 from dtwin.line.twins.decisions import Decision, Mode
 from dtwin.line.twins.reorganisation import Reorganisation
+from dtwin.parameters import PERIOD
 
 RECENT: Final = 600.0
 """Plant time over which the rate is told, s."""
@@ -208,6 +209,7 @@ def _readings(
             floor.emulated[name].settings,
             floor.plant.load(name),
             floor.line.zones[floor.line.zone_of(name)].name,
+            PERIOD * floor.emulated[name].released,
         )
 
 

@@ -38,6 +38,7 @@ from dtwin.line.live.pace import Pace
 from dtwin.line.live.seen import line_state, plan_of, plant_state
 from dtwin.line.run import LineRun
 from dtwin.line.twins.ability import Capability
+from dtwin.line.twins.decisions import Mode
 from dtwin.line.twins.overall import Choice
 from dtwin.line.twins.reorganisation import Reorganisation
 from dtwin.simulation.proposals.book import TWIN, Book, check_form
@@ -95,7 +96,7 @@ class Answers:
     ) -> None:
         self._line, self._book = asked, book
         self._stations = [station.name for station in line.stations]
-        self._laid: dict[str, Settings | None] = {}
+        self._laid: dict[str, tuple[Settings | None, bool]] = {}
         ask = between.ask
         bus.answer(LINE_STATE, LookRequest, None, state or partial(ask, asked.state))
         bus.answer(LINE_LOOK, LookRequest, None, partial(ask, self._look))
@@ -149,27 +150,32 @@ class Answers:
         if not asked.set_up:
             raise ParameterError("set_up: expected an operation at least that another station shall do")
 
-    def look_at_settings(self, able: Callable[[str], Capability], in_force: Callable[[str], Settings | None]) -> None:
+    def look_at_settings(
+        self, mode: Mode, able: Callable[[str], Capability], in_force: Callable[[str], Settings | None]
+    ) -> None:
         """Lays before a person the settings with which arms could work on, and withdraws those that are no longer so.
 
         Args:
+            mode: what the twins may do; if they act, they need a person for arms alone that are stopped.
             able: tells what the arm of a station can do, as its twin says.
             in_force: tells what its blocks have in the place of the settings of its cell.
         """
         for station in self._stations:
-            found, has = able(station), in_force(station)
-            wanted = None if found.settings == has else found.settings
-            if wanted != self._laid.get(station):
+            now = able(station)
+            found, stopped = now.once_released or now, now.once_released is not None
+            needed = (mode == "propose" or stopped) and found.settings != in_force(station)
+            wanted = (found.settings, stopped) if needed else (None, False)
+            if wanted != self._laid.get(station, (None, False)):
                 self._laid[station] = wanted
-                self._lay_settings(station, found, wanted)
+                self._lay_settings(station, found, *wanted)
 
-    def _lay_settings(self, station: str, found: Capability, wanted: Settings | None) -> None:
+    def _lay_settings(self, station: str, found: Capability, wanted: Settings | None, stopped: bool) -> None:
         time = self._line.time
         try:
             self._book.withdraw(station, "other settings are in force, or something else is known of the arm")
             if wanted is None:
                 return
-            settle = FoundSettings(station, wanted.text(), found.ability)
+            settle = FoundSettings(station, wanted.text(), found.ability, stopped)
             asked = ProposalRequest(TWIN, f"{found.ability}: {found.why}"[:1000], "settle", settle=settle)
             self._book.make_room(time, self._line.work.version, TWIN)
             self._book.add(asked, None, time)
@@ -249,11 +255,11 @@ class LiveLine:
         Raises:
             DtwinError: a box has vanished, or an arm or the blocks have failed.
         """
-        pace = Pace(self._clock, realtime)
+        pace, emulated = Pace(self._clock, realtime), self._run.emulated
         while not (self._run.over or stopping()):
             self._run.step()
-            if self._run.settings.twins == "propose":
-                self._answers.look_at_settings(self._run.capability, lambda name: self._run.emulated[name].settings)
+            mode = self._run.settings.twins
+            self._answers.look_at_settings(mode, self._run.capability, lambda name: emulated[name].settings)
             self.between.serve(pace.ahead())
             self._late = pace.late
             report(self._late)

@@ -20,7 +20,6 @@ from dtwin.bus.line.plant import (
     PlantWord,
     Settings,
     SetUpFlow,
-    StationAbility,
     StationReading,
     ZoneState,
 )
@@ -113,10 +112,7 @@ class LiveZone:
         """Tells what the twin thinks."""
         stations = []
         for name in self._twin.stations:
-            able = self._twin.capability(name)
-            stations.append(
-                StationAbility(name, able.ability, able.places, able.why[:1000], able.settings, able.lighter)
-            )
+            stations.append(self._twin.capability(name).told(name))
         self._tell(ZoneState(self._twin.name, self.time, tuple(stations), tuple(map(told, self._decisions))))
 
     def _look(self, plant: PlantState) -> None:
@@ -170,11 +166,11 @@ class LiveZone:
 
     def _stop(self, station: str, state: StopState, why: str) -> None:
         """Has an arm stopped; that is said again with every look until the plant tells that it is."""
-        self._requests.ask(PlantWord(station, state, why[:1000]))
+        self._requests.ask(PlantWord(station, state, why[:1000], seen=self.time))
 
     def _settle(self, station: str, settings: Settings, why: str) -> None:
         """Has an arm work with other settings; that is said again likewise."""
-        self._requests.ask(PlantWord(station, "settings", why[:1000], settings))
+        self._requests.ask(PlantWord(station, "settings", why[:1000], settings, self.time))
 
     def _needed(self, station: str) -> frozenset[Load]:
         """What a station brings to which places now."""

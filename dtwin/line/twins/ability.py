@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Final, Literal
+from typing import Final
 
-from dtwin.bus.line.plant import Settings
+from dtwin.bus.line.plant import Ability, Settings, StationAbility
 from dtwin.line.line import Load, Source
 from dtwin.line.station import WorkTimes
 from dtwin.line.twins.rehearsal import Rehearsed, longest
 
-Ability = Literal["all", "slower", "some places", "lighter boxes", "nothing"]
-"""What an arm can still do."""
 SLOWER: Final = 1.05
 """Share of its usual time for a box from which on an arm works slower."""
 NOTHING_WRONG: Final = "nothing is wrong"
@@ -28,6 +26,8 @@ class Capability:
         places: the places of its cell to which it can bring the heaviest box of the line.
         why: in words.
         settings: settings of its blocks with which it can do that; None for those in force.
+        once_released: what an arm that is stopped, and can do nothing, can do with other settings once a person
+            releases it; None for one that is not, or for which nobody knows such settings.
         times: how long its work takes with them; None for as long as usual.
         lighter: other places to which it can bring lighter boxes, and the largest mass of their classes, kg.
     """
@@ -38,6 +38,7 @@ class Capability:
     settings: Settings | None = None
     times: WorkTimes | None = None
     lighter: tuple[Load, ...] = ()
+    once_released: Capability | None = None
 
     def holds(self, load: Load) -> bool:
         """Whether it can bring a box of a mass (kg) to a place."""
@@ -48,6 +49,28 @@ class Capability:
         """How long its work takes with the settings that it needs, where they are still to come in the place of those
         in force: what it took with these tells nothing then. None where they are in force, or none are needed."""
         return self.times if self.settings != settings else None
+
+    def stopped(self, why: str) -> Capability:
+        """The same of an arm that is stopped: nothing, until a person releases it with the settings that it needs."""
+        return Capability("nothing", (), f"{self.ability}: {why}", once_released=self)
+
+    def told(self, station: str) -> StationAbility:
+        """The same of the arm of a station as a message."""
+        then, settings = self.once_released, self.settings
+        if then is not None:
+            settings = then.settings
+        return StationAbility(
+            *(station, self.ability, self.places, self.why[:1000], settings, self.lighter),
+            None if then is None else then.ability,
+        )
+
+    @classmethod
+    def heard(cls, told: StationAbility) -> Capability:
+        """What was told of an arm; not how long its work takes, nor where it brings boxes once it is released."""
+        if told.once_released is None:
+            return cls(told.ability, told.places, told.why, told.settings, lighter=told.lighter)
+        why = told.why.removeprefix(f"{told.once_released}: ")
+        return cls("nothing", (), told.why, once_released=cls(told.once_released, (), why, told.settings))
 
     def slowed(self, why: str) -> Capability:
         """The same of an arm that brings all but is slower than it was, "" if it is so no more."""

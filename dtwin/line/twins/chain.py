@@ -102,9 +102,10 @@ class ChainNodeTwin:
         self._tried, self._from = Tried(), self._seen
         self._work = MeasuredWork(self._boxes.places, self._settings.arm.period)
 
-    def stopped(self, why: str) -> None:
-        """The arm was stopped, and nobody knows yet what it can do."""
-        self.capability = Capability("nothing", (), why)
+    def stopped(self, why: str, then: Capability | None = None) -> None:
+        """The arm was stopped: it can do nothing, and what is given with other settings once it is released; None
+        where nobody knows of such settings."""
+        self.capability = Capability("nothing", (), why) if then is None else then.stopped(why)
 
     def watch(
         self,
@@ -157,6 +158,8 @@ class ChainNodeTwin:
         if self._monitor is not None:
             self._monitor.adjust(settings.adjustment)
             self._told = len(self._monitor.history)
+        if self.capability.once_released is not None:
+            self.capability, self._known = self.capability.once_released, False
         if self.capability.settings != settings:
             self.capability = self._rehearsed(settings.adjustment, "other settings are in force")
 
@@ -185,7 +188,7 @@ class ChainNodeTwin:
         arm = self._settings.arm
         answer = answer_to(found, arm, self._adjustment)
         if answer.measure == "go on":
-            return self.capability
+            return self.capability.once_released or self.capability
         if answer.adjustment is None:
             return Capability("nothing", (), answer.text)
         return self._rehearsed(answer.adjustment, found.text(arm))

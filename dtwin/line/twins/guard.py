@@ -66,24 +66,30 @@ class Guard:
     def __init__(self, nodes: Mapping[str, Node], mode: Mode, hands: Hands) -> None:
         self._nodes, self._mode, self._hands, self._note = nodes, mode, hands, hands.note
         self.stopped: set[str] = set()
-        self._proposed: set[str] = set()
+        self._proposed: dict[str, str] = {}
         self._waiting: set[str] = set()
         self._begun: dict[str, tuple[int, float]] = {}
         self._unexplained: dict[str, float] = {}
         self._slowness: dict[str, float] = {}
         self._found: dict[str, str] = {}
+        self._said: dict[str, str] = {}
 
     def capability(self, station: str) -> Capability:
         """What the arm of a station can still do, as its twin says."""
         return self._nodes[station].capability
 
     def known(self, station: str, why: str) -> list[str]:
-        """Takes note of why somebody else has stopped an arm; reasons to share the work out otherwise."""
-        if station in self.stopped:
+        """Takes note of why somebody else has stopped an arm; reasons to share the work out otherwise.
+
+        One that is stopped already is no longer to be released with other settings: somebody has a reason of his own.
+        """
+        if station in self.stopped and why == self._said.get(station):
             return []
+        before = station in self.stopped
         self.stopped.add(station)
+        self._said[station] = why
         self._nodes[station].stopped(why)
-        return [f"{station} can do nothing"]
+        return [] if before else [f"{station} can do nothing"]
 
     def look(
         self, station: str, log: Any, arm: int, stop: int, time: float, settings: Settings | None = None
@@ -102,6 +108,10 @@ class Guard:
             Reasons to share the work out otherwise, in words.
         """
         node, reasons = self._nodes[station], []
+        then = node.capability.once_released
+        if station in self.stopped and not stop and then is not None and then.settings == settings:
+            self._forget(station)
+            reasons.append(f"{station} can do {then.ability}")
         load = self._hands.works(station)
         for finding in node.watch(log, arm, stop != 0, settings, None if load is None else load[1]):
             if finding.text() != self._found.get(station):  # what only waits for people is found with every box
@@ -110,7 +120,7 @@ class Guard:
             self._unexplained.pop(station, None)
             able = node.capability
             if station in self.stopped:
-                node.stopped(f"{able.ability}: {able.why}")
+                self._offer(station, able, arm, settings, time)
                 continue
             if not stop and all(map(able.holds, self._hands.needed(station))):
                 reasons += self._go_on(station, able, time)
@@ -122,6 +132,7 @@ class Guard:
                 continue
             reasons.append(f"{station} can do nothing")
             self._stop(station, node.state_of(finding), f"{able.ability}: {able.why}", time)
+            self._offer(station, able, arm, settings, time)
         heavy = self._too_heavy(station) if node.capability.lighter and not stop else None
         if heavy is not None and station not in self.stopped:
             reasons.append(f"{station} can do nothing")
@@ -137,13 +148,22 @@ class Guard:
             reasons.append(f"{station} can do nothing")
             self._stop(station, "failed", overdue, time)
         if stop and station not in self.stopped:
-            self.stopped.add(station)
-            node.stopped("the blocks have stopped the arm; what is wrong is not known yet")
             self._note(Decision(time, f"blocks of {station}", "stop", "the arm left its path", station))
-            self._unexplained[station] = time
+            self._take_note(station, arm, settings, time)
             reasons.append(f"{station} can do nothing")
         self._tell_unexplained(station, stop, time)
         return reasons or self._takes_otherwise(station, time)
+
+    def _take_note(self, station: str, arm: int, settings: Settings | None, time: float) -> None:
+        """Takes note that the blocks have stopped an arm, of which may be known with which settings it would work."""
+        self.stopped.add(station)
+        node = self._nodes[station]
+        able = node.capability
+        if able.settings in (None, settings):
+            node.stopped("the blocks have stopped the arm; what is wrong is not known yet")
+            self._unexplained[station] = time
+        else:
+            self._offer(station, able, arm, settings, time)
 
     def _takes_otherwise(self, station: str, time: float) -> list[str]:
         """That an arm has become slower, or faster, since it was told so last, whatever is wrong with it."""
@@ -198,7 +218,7 @@ class Guard:
         if self._mode == "act":
             self._waiting.add(station)
         else:
-            self._proposed.add(station)
+            self._proposed[station] = ""
             self._note(Decision(time, f"twin of {station}", "proposal", f"{able.ability}: {able.why}", station))
         return [] if able.ability == "all" else [f"{station} can do {able.ability}"]
 
@@ -211,11 +231,36 @@ class Guard:
             self._hands.settle(station, able.settings, why)
             self._note(Decision(time, f"twin of {station}", "settings", why, station))
 
+    def _offer(self, station: str, able: Capability, arm: int, settings: Settings | None, time: float) -> None:
+        """Proposes to release a stopped arm with the settings that it needs, if it brings the box that it has then.
+
+        Only people release an arm: nobody but they can see whether something is in its way.
+
+        Args:
+            station: its station.
+            able: what it can do with them.
+            arm: what it does: FREE, OFFERED or HOLDING.
+            settings: those in force; None for those of its cell.
+            time: plant time, s.
+        """
+        node, load, why = self._nodes[station], self._hands.works(station), f"{able.ability}: {able.why}"
+        brings = able.ability in ("all", "slower") or (arm == FREE if load is None else able.holds(load))
+        if able.settings is None or able.settings == settings or able.ability == "nothing" or not brings:
+            node.stopped(why)
+            return
+        node.stopped(able.why, able)
+        proposed = f"{able.ability} with {able.settings.text()}"  # what is found again is a little larger or smaller
+        if proposed != self._proposed.get(station):
+            self._proposed[station] = proposed
+            words = f"a person can release it with other settings: {why}"
+            self._note(Decision(time, f"twin of {station}", "proposal", words, station))
+
     def _stop(self, station: str, state: StopState, why: str, time: float) -> None:
         """Has an arm stopped, which does nothing from then on, whatever it could."""
         if station not in self.stopped:
             self._hands.stop(station, state, why)
             self.stopped.add(station)
+            self._said[station] = why[:1000]
             self._note(Decision(time, f"twin of {station}", "stop", why, station))
         self._nodes[station].stopped(why)
 
@@ -225,16 +270,19 @@ class Guard:
         if station not in self.stopped:
             self._hands.stop(station, "failed", f"it was stopped by {who}: {why}")
             self.stopped.add(station)
-            self._nodes[station].stopped(f"it was stopped by {who}: {why}")
+        self._nodes[station].stopped(f"it was stopped by {who}: {why}")
         return f"{station} was stopped by {who}"
 
     def repaired(self, station: str, time: float, who: str, why: str) -> str:
         """Believes that an arm which was released is as it was made; the reason to give it its work back."""
         self._nodes[station].repaired()
-        self.stopped.discard(station)
-        self._proposed.discard(station)
-        self._waiting.discard(station)
-        self._unexplained.pop(station, None)
-        self._found.pop(station, None)
+        self._forget(station)
         self._note(Decision(time, who, "repair", why, station))
         return f"{station} is repaired"
+
+    def _forget(self, station: str) -> None:
+        """Forgets what was with an arm that people have let move again."""
+        self.stopped.discard(station)
+        self._waiting.discard(station)
+        for noted in (self._unexplained, self._found, self._said, self._proposed):
+            noted.pop(station, None)

@@ -73,8 +73,9 @@ class Node(Protocol):
     def repaired(self) -> None:
         """The arm is as it was made to be."""
 
-    def stopped(self, why: str) -> None:
-        """The arm was stopped, and nobody knows yet what it can do."""
+    def stopped(self, why: str, then: Capability | None = None) -> None:
+        """The arm was stopped: it can do nothing, and what is given with other settings once it is released; None
+        where nobody knows of such settings."""
 
     def watch(
         self,
@@ -199,6 +200,8 @@ class NodeTwin:
         self._belief = self._believed(settings.model)
         self._scrutiny.end()
         self._from, self._suspected_until = rows, 0
+        if self.capability.once_released is not None:
+            self.capability, self._known = self.capability.once_released, False
         if self.capability.settings != settings:
             self.capability = self._rehearsed(settings.model, "other settings are in force")
 
@@ -262,9 +265,10 @@ class NodeTwin:
             return
         self._work.follow(zip(new.boxes.tolist(), new.gripped.tolist(), strict=True), kind)
 
-    def stopped(self, why: str) -> None:
-        """The arm was stopped, and nobody knows yet what it can do."""
-        self.capability = Capability("nothing", (), why)
+    def stopped(self, why: str, then: Capability | None = None) -> None:
+        """The arm was stopped: it can do nothing, and what is given with other settings once it is released; None
+        where nobody knows of such settings."""
+        self.capability = Capability("nothing", (), why) if then is None else then.stopped(why)
 
     def state_of(self, finding: Finding) -> Literal["failed", "angles unknown"]:
         """What a finding means to the blocks' safe stop."""
@@ -275,12 +279,13 @@ class NodeTwin:
         fault = finding.fault
         answer = answer_to(fault)
         if answer.measure == "go on":
-            return self.capability
+            return self.capability.once_released or self.capability
         if answer.measure == "stop":
             return Capability("nothing", (), f"{finding.text()}: {answer.why}")
         changed = self._changed(finding)
         if changed is None:
-            return replace(self.capability, why=f"{finding.text()}: {answer.why}")
+            able = self.capability.once_released or self.capability
+            return replace(able, why=f"{finding.text()}: {answer.why}")
         return self._rehearsed(changed, finding.text())
 
     def _changed(self, finding: Finding) -> ArmParameters | None:

@@ -29,7 +29,7 @@ export function makeProposals() {
     const parts = [el("p", {}, open ? el("span", { class: "tag warn" }, `△ ${count}. waits for a person`) : `${count}. ${came}:`, ` ${request.kind} by ${request.who}, ${number(time, 1)} s`)];
     if (flow) parts.push(el("p", {}, flow.difference.join("; ") || "nothing changes"));
     const { settle } = request;
-    if (settle) parts.push(el("p", {}, `${settle.station} works on with ${settle.settings}: it can do ${settle.ability} then`));
+    if (settle) parts.push(el("p", {}, `${settle.station} ${settle.releases ? "is released and works" : "works on"} with ${settle.settings}: it can do ${settle.ability} then`));
     if (open) {
       const form = () => ({ number: count, digest });
       const changes = request.set_up?.set_up ?? {};
