@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -82,7 +82,13 @@ class ScriptedNode:
         self.capability = Capability("nothing", (), why) if then is None else then.stopped(why)
 
     def watch(
-        self, log: Any, arm: int, stopped: bool = False, settings: Any = None, mass: float | None = None
+        self,
+        log: Any,
+        arm: int,
+        stopped: bool = False,
+        settings: Any = None,
+        mass: float | None = None,
+        needed: Collection[str] = (),
     ) -> Sequence[Finding]:
         then = self.capability.once_released
         if then is not None and settings == then.settings:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -28,6 +28,7 @@ from dtwin.monitoring.kinds import parse_fault_id
 from dtwin.monitoring.verdict import Finding, finding
 from dtwin.parameters import ArmParameters
 from evidence.line.best import slowed
+from evidence.line.otherwise import Otherwise
 
 LINE = line_of("default")
 PLAN = LINE.stations[1]
@@ -51,6 +52,18 @@ def test_an_arm_with_more_friction_works_on_at_a_longer_target_time() -> None:
     assert able.times is not None
     assert able.times.carry["red"] > rehearsed(PLAN).carry["red"] + 0.2
     assert "instead of 5.6 s" in able.why
+
+
+def test_an_arm_that_does_not_work_everywhere_works_as_fast_as_it_can_where_its_boxes_belong() -> None:
+    source = Otherwise(light=0.1).applied(LINE).source
+    weak = found("K1", -0.65)
+    most, now = (NodeTwin(PLAN, source).judged(weak, needed) for needed in ((), ("blue",)))
+    assert (most.ability, now.ability) == ("some places", "some places")
+    assert {place for place, _ in now.lighter} == {"blue"} < {place for place, _ in most.lighter}
+    assert isinstance(most.settings, ArmSettings)
+    assert isinstance(now.settings, ArmSettings)
+    assert now.settings.target_time < most.settings.target_time
+    assert NodeTwin(PLAN, source).judged(weak, ("green",)) == most, "there it works at no speed"
 
 
 def test_a_size_counts_relative_to_a_motors_constant_and_as_it_is_for_friction() -> None:
@@ -176,7 +189,13 @@ class FakeNode:
         self.capability = Capability("nothing", (), why) if then is None else then.stopped(why)
 
     def watch(
-        self, log: Any, arm: int, stopped: bool = False, settings: Any = None, mass: float | None = None
+        self,
+        log: Any,
+        arm: int,
+        stopped: bool = False,
+        settings: Any = None,
+        mass: float | None = None,
+        needed: Collection[str] = (),
     ) -> Sequence[Finding]:
         return [] if settings or stopped else [found("K1", -0.4)]
 

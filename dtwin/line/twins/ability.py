@@ -153,13 +153,16 @@ class Boxes:
         """What an arm can do with which nothing is wrong."""
         return Capability("all", self.places, NOTHING_WRONG)
 
-    def brought(self, beyond: Callable[[float], Collection[str]], trials: Trials, why: str) -> Capability:
+    def brought(
+        self, beyond: Callable[[float], Collection[str]], trials: Trials, why: str, needed: Collection[str] = ()
+    ) -> Capability:
         """What an arm can do, as the weights at its places and a rehearsal with other settings say.
 
         Args:
             beyond: gives the places at which it cannot hold a mass (kg) at rest.
             trials: rehearsals of it.
             why: what was found of it, in words.
+            needed: where its boxes belong now: one that does not work everywhere works there as fast as it can.
         """
         masses, places = self.masses, self.places
         heavy_at = {mass: beyond(mass) for mass in masses}
@@ -170,6 +173,9 @@ class Boxes:
             heavy = sorted(heavy_at[heaviest])
             words = f"it cannot hold {heaviest:g} kg at {', '.join(heavy)}" if heavy else "it leaves its path"
             return Capability("nothing" if loads else ability, (), f"{why}: {words}")
+        now = tuple((place, loads[place]) for place in found.times.carry if place in needed)
+        if 0 < len(now) < len(found.times.carry) < len(loads):
+            found = trials.anew(now) or found
         able = tuple(found.times.carry)
         full = tuple(place for place in able if loads[place] == heaviest)
         lighter = tuple((place, loads[place]) for place in able if loads[place] < heaviest)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import partial
 from typing import Final, Literal
@@ -114,6 +115,7 @@ class ChainNodeTwin:
         stopped: bool = False,
         settings: Settings | None = None,
         mass: float | None = None,
+        needed: Collection[str] = (),
     ) -> list[ChainFound]:
         """Looks at what the log has since the last call; returns what was found out.
 
@@ -123,6 +125,7 @@ class ChainNodeTwin:
             stopped: whether it is stopped: what it does then tells nothing of it.
             settings: what its blocks have in the place of the settings of its cell; None for nothing.
             mass: mass of the box that it has or is offered, kg: work with light boxes takes another time.
+            needed: the places where its boxes belong now.
         """
         first, self._seen = self._seen, len(log)
         if self._seen < first:  # the arm has begun anew
@@ -146,7 +149,7 @@ class ChainNodeTwin:
         found = self._monitor.history[self._told :]
         self._told += len(found)
         for each in found:
-            self.capability = self.judged(each)
+            self.capability = self.judged(each, needed)
             self._known = self.capability.ability == "nothing"
         return [ChainFound(each, self._settings.arm) for each in found]
 
@@ -183,7 +186,7 @@ class ChainNodeTwin:
         """What a finding means to the blocks' safe stop."""
         return "angles unknown" if found.finding.angles_unknown else "failed"
 
-    def judged(self, found: ChainFinding) -> Capability:
+    def judged(self, found: ChainFinding, needed: Collection[str] = ()) -> Capability:
         """What the arm can do with a finding, as recovery's table of answers, weights and a rehearsal say."""
         arm = self._settings.arm
         answer = answer_to(found, arm, self._adjustment)
@@ -191,13 +194,14 @@ class ChainNodeTwin:
             return self.capability.once_released or self.capability
         if answer.adjustment is None:
             return Capability("nothing", (), answer.text)
-        return self._rehearsed(answer.adjustment, found.text(arm))
+        return self._rehearsed(answer.adjustment, found.text(arm), needed)
 
-    def _rehearsed(self, adjustment: Adjustment, why: str) -> Capability:
+    def _rehearsed(self, adjustment: Adjustment, why: str, needed: Collection[str] = ()) -> Capability:
         """What an arm can do of which something is known: what its drives hold at rest, and bring in a rehearsal."""
         lost = 1.0 - np.array(adjustment.strength)
         trials = Trials(partial(joints_rehearsed, self.plan, adjustment, self._boxes.usual), self._rehearsed_usual())
-        return self._boxes.brought(lambda mass: self._beyond(mass + max(adjustment.load, 0.0), lost), trials, why)
+        load = max(adjustment.load, 0.0)
+        return self._boxes.brought(lambda mass: self._beyond(mass + load, lost), trials, why, needed)
 
     def _beyond(self, mass: float, lost: Array) -> list[str]:
         """The places at which drives that have lost some of their torque hold a mass (kg) without reserve."""

@@ -112,8 +112,8 @@ class Guard:
         if station in self.stopped and not stop and then is not None and then.settings == settings:
             self._forget(station)
             reasons.append(f"{station} can do {then.ability}")
-        load = self._hands.works(station)
-        for finding in node.watch(log, arm, stop != 0, settings, None if load is None else load[1]):
+        load, places = self._hands.works(station), [place for place, _ in self._hands.needed(station)]
+        for finding in node.watch(log, arm, stop != 0, settings, None if load is None else load[1], places):
             if finding.text() != self._found.get(station):  # what only waits for people is found with every box
                 self._found[station] = finding.text()
                 self._note(Decision(time, f"monitor of {station}", "finding", finding.text(), station))

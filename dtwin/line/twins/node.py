@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any, Final, Literal, Protocol
@@ -84,6 +84,7 @@ class Node(Protocol):
         stopped: bool = False,
         settings: Settings | None = None,
         mass: float | None = None,
+        needed: Collection[str] = (),
     ) -> Sequence[Found]:
         """Looks at what the log of its arm has since the last call; returns what was found out."""
 
@@ -212,6 +213,7 @@ class NodeTwin:
         stopped: bool = False,
         settings: Settings | None = None,
         mass: float | None = None,
+        needed: Collection[str] = (),
     ) -> list[Finding]:
         """Looks at what the log has since the last call; returns what was found out.
 
@@ -224,6 +226,7 @@ class NodeTwin:
             stopped: whether it is stopped: then it finishes no box, whatever is wrong.
             settings: what its blocks have in the place of the settings of its cell; None for nothing.
             mass: mass of the box that it has or is offered, kg; None for a usual one, or none.
+            needed: the places where its boxes belong now.
         """
         rows, first = len(log), self._seen
         if rows < first:  # the arm has begun anew
@@ -254,7 +257,7 @@ class NodeTwin:
             first = max(self._from, first - BEFORE)
         found = self._scrutiny.look(self._belief, stream(log.since(first)), first)
         for each in found:
-            self.capability = self.judged(each)
+            self.capability = self.judged(each, needed)
             self._known = self.capability.ability == "nothing"
         return found
 
@@ -274,7 +277,7 @@ class NodeTwin:
         """What a finding means to the blocks' safe stop."""
         return "angles unknown" if arm_state(finding.fault) == "angles unknown" else "failed"
 
-    def judged(self, finding: Finding) -> Capability:
+    def judged(self, finding: Finding, needed: Collection[str] = ()) -> Capability:
         """What the arm can do with a finding, as recovery's table of answers and the weights at its places say."""
         fault = finding.fault
         answer = answer_to(fault)
@@ -286,7 +289,7 @@ class NodeTwin:
         if changed is None:
             able = self.capability.once_released or self.capability
             return replace(able, why=f"{finding.text()}: {answer.why}")
-        return self._rehearsed(changed, finding.text())
+        return self._rehearsed(changed, finding.text(), needed)
 
     def _changed(self, finding: Finding) -> ArmParameters | None:
         """The arm as a finding says that it is; None for a finding that is not about its parameters."""
@@ -299,8 +302,8 @@ class NodeTwin:
         change = finding.size * (value if finding.fault.about.unit == RELATIVE else 1.0)
         return self._belief.arm.with_values({name: max(value + change, LEAST)})
 
-    def _rehearsed(self, arm: ArmParameters, why: str) -> Capability:
+    def _rehearsed(self, arm: ArmParameters, why: str, needed: Collection[str] = ()) -> Capability:
         """What an arm can do, as the weights at its places and a rehearsal with other settings say."""
         trials = Trials(partial(rehearsed_anew, self.plan, arm, self._boxes.usual), self._usual())
         strength = Strength.of(self._cell.arm, self._boxes.masses[0], self._cell.task)
-        return self._boxes.brought(partial(strength.beyond, arm), trials, why)
+        return self._boxes.brought(partial(strength.beyond, arm), trials, why, needed)

@@ -271,6 +271,7 @@ def named(evidence: Evidence, first: int, alarm: int, last: int, alike: float, t
         time: when it was noticed, s.
     """
     odds, sizes = evidence.between(first, last)
+    acts = np.tile([first, last], (len(odds), 1))
     pushes = np.array([name.startswith("push") for name in evidence.names])
     ends = np.arange(alarm, last + 1)
     for begin in range(first, alarm):
@@ -279,7 +280,9 @@ def named(evidence: Evidence, first: int, alarm: int, last: int, alike: float, t
         best = ratio.argmax(axis=0), np.arange(len(pushes))
         better = ratio[best] > odds
         odds, sizes = np.where(better, ratio[best], odds), np.where(better, size[best], sizes)
-    left = evidence.energy(first, last) - odds.max()
+        acts[better] = np.column_stack([np.full(len(odds), begin), ends[best[0]]])[better]
+    most = int(odds.argmax())
+    left = evidence.left(most, float(sizes[most]), (int(acts[most, 0]), int(acts[most, 1])), (first, last))
     spread = alike * max(1.0, left / ((last - first) * evidence.columns.shape[1]))
     prior = np.array([_likely(name, float(size)) for name, size in zip(evidence.names, sizes, strict=True)])
     with np.errstate(divide="ignore"):  # what cannot be, such as a drive that lost more than all, is never named

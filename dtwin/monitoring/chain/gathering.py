@@ -53,16 +53,25 @@ class Evidence:
         along, power = (each[..., :-1] for each in self._sums(first, last))
         return along**2 / power, along / power
 
-    def energy(self, first: int, last: int) -> float:
-        """Square of the innovation over samples."""
-        return float(self._seen(first, last)[-1])
+    def left(self, cause: int, size: float, acts: tuple[int, int], samples: tuple[int, int]) -> float:
+        """Square of what a cause that acts over some samples and the unknown loads leave of the innovation.
+
+        Args:
+            cause: its number.
+            size: its size.
+            acts: its first sample, and the one after its last.
+            samples: those that count alike.
+        """
+        first, last = samples
+        rest = self.columns[:last, :, -1].copy()
+        rest[slice(*acts)] -= size * self.columns[slice(*acts), :, cause]
+        if self.shared is not None:
+            rest = without(self.part[:last], self.starts[self.starts < last], rest[:, :, None])[:, :, 0]
+        return float(np.sum(rest[first:] ** 2))
 
     def seen(self, first: int, last: int) -> Array:
         """Square of what a unit of each cause adds to samples beside unknown loads, (c,)."""
-        return self._seen(first, last)[:-1]
-
-    def _seen(self, first: int, last: int) -> Array:
-        power = self._sums(first, last)[1]
+        power = self._sums(first, last)[1][:-1]
         return np.where(np.isfinite(power), power, 0.0)
 
     def _sums(self, first: int | Indices, last: int | Indices) -> tuple[Array, Array]:

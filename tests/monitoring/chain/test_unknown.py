@@ -35,6 +35,19 @@ def least_squares(first: int, last: int, cause: int) -> tuple[float, float]:
     return along**2 / power, along / power
 
 
+def test_what_a_cause_and_unknown_loads_leave_is_what_least_squares_leave() -> None:
+    told = evidence()
+    for first, begin, end, last in ((0, 4, 30, 30), (12, 14, 28, 28), (18, 20, 25, 40), (3, 3, 48, 48)):
+        loads = [np.where(np.equal(number, HELD)[:, None], PART, 0.0)[:last].ravel() for number in (1, 2, 3)]
+        column: Array = np.zeros((last, 2))
+        column[begin:end] = CAUSES[begin:end, :, 1]
+        rest = (INNOVATION[:last] - 0.7 * column).ravel()
+        rows = np.stack([each for each in loads if each.any()], axis=1)
+        rest = (rest - rows @ np.linalg.lstsq(rows, rest, rcond=None)[0]).reshape(-1, 2)
+        expected = float(np.sum(rest[first:] ** 2))
+        np.testing.assert_allclose(told.left(1, 0.7, (begin, end), (first, last)), expected, rtol=1e-9)
+
+
 def test_causes_beside_unknown_loads_are_those_of_least_squares() -> None:
     told = evidence()
     for first in range(0, len(HELD) - 2, 3):
