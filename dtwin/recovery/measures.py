@@ -10,20 +10,14 @@ import msgspec
 import numpy as np
 
 from dtwin.bus.messages import PREDICT
-from dtwin.bus.twin_messages import (
-    MonitoredUnit,
-    Predicted,
-    PredictedMotion,
-    PredictionRequest,
-    Upload,
-)
+from dtwin.bus.twin_messages import MonitoredUnit, Predicted, PredictedMotion, PredictionRequest, Upload
 from dtwin.controller.bounds import ENCODER_OFFSETS
-from dtwin.errors import ParameterError
+from dtwin.errors import CommunicationError, ParameterError
 from dtwin.identification.machine.record import MachineRecord
 from dtwin.monitoring.kinds import parse_fault_id
 from dtwin.parameters import PARAMETER_NAMES, ArmParameters, Gains, JointVector, scaled, symbol_of
 from dtwin.recovery.answers import Measure
-from dtwin.recovery.desk import Desk, FindingWithdrawn
+from dtwin.recovery.desk import Desk, FindingWithdrawn, RolledBack
 from dtwin.recovery.explanation import TOO_WEAK, Outlook, TooWeak, certain, changed, changing, knowing, stopping
 from dtwin.recovery.margins import LATE, control_settings, gains_with_margins, settings_for_late, stiffer_with_margins
 from dtwin.recovery.refit import estimated, refitted
@@ -210,8 +204,14 @@ class Measures:
         changes = (tuned.gains, tuned.target_time) != (in_force.gains, in_force.target_time)
         if uploaded is None:
             if changes:
-                desk.confirm(self._tune(tuned, in_force, arm))
-            uploaded, changes = desk.upload("the arm has changed", model=model, arm=arm), False
+                try:
+                    desk.confirm(self._tune(tuned, in_force, arm))
+                    changes = False
+                except (CommunicationError, ParameterError) as refused:
+                    if isinstance(refused, RolledBack):
+                        raise
+                    desk.say(f"begins with the model: {refused}")  # it would leave its path with the old one
+            uploaded = desk.upload("the arm has changed", model=model, arm=arm)
         desk.confirm(uploaded)
         self._arm = arm
         if changes:

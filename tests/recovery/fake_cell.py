@@ -38,7 +38,7 @@ from dtwin.bus.twin_messages import (
     UploadRequest,
 )
 from dtwin.controller.settings import USUAL_GAINS, ControlSettings
-from dtwin.errors import CommunicationError
+from dtwin.errors import CommunicationError, ParameterError
 from dtwin.identification.machine.record import MachineRecord
 from dtwin.monitoring.kinds import parse_fault_id
 from dtwin.parameters import ArmParameters
@@ -70,6 +70,7 @@ class FakeCell:
         deaf: number of requests for a stop that nobody answers.
         worse: gives how far a motion is from its path, relative to the healthy arm, by the request.
         off: gives the largest distance of a joint from its path, rad, by the request.
+        refuses: gives why an upload is refused, "" if it is not.
         roll_back: whether settings on trial are taken back.
         uploads, stops, told: what the operator asked for and said.
         latched: what it asked the emulator's latch for, and when.
@@ -87,6 +88,7 @@ class FakeCell:
         self.deaf = 0
         self.worse: Callable[[PredictionRequest], float] = lambda request: 1.0
         self.off: Callable[[PredictionRequest], float] = lambda request: 0.0
+        self.refuses: Callable[[UploadRequest], str] = lambda request: ""
         self.roll_back = False
         self.refuse = ""
         self.uploads: list[UploadRequest] = []
@@ -144,6 +146,8 @@ class FakeCell:
         if request is not None:
             assert not self._now.on_trial
             assert request.based_on == self._now.version
+            if why := self.refuses(request):
+                raise ParameterError(why)
             self.uploads.append(request)
             asked = asked_of(ControlSettings, request)
             changes = Change.of(ControlSettings, asked).values  # as the service, of one kind at a time

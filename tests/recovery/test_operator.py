@@ -177,6 +177,17 @@ def test_an_arm_too_weak_for_its_boxes_is_stopped(cell: FakeCell, parameter: str
     assert "then `dtwin release`" in cell.told[-1]
 
 
+def test_a_model_comes_first_where_more_time_alone_would_be_refused(cell: FakeCell) -> None:
+    """A motor with half its torque leaves its path with the old model at any pace: nothing was done about it."""
+    cell.found["K2"], cell.refits["K2"] = (20.0, -0.1, 0.01), 0.1416
+    cell.worse = lambda request: 3.0 if request.model and (request.target_time or 2.0) < 2.4 else 0.9
+    cell.refuses = lambda request: "" if request.model or cell._now.model != HEALTHY else "it would leave its path"
+    operator = watched(cell)
+    assert [(upload.target_time, upload.model is not None) for upload in cell.uploads] == [(None, True), (2.5, False)]
+    assert measures_of(operator) == [("refit", ("K2",))]
+    assert not operator.trouble
+
+
 def test_a_refit_that_is_refused_is_told(cell: FakeCell) -> None:
     cell.found["mu1"], cell.refuse = (20.0, 0.1, 0.01), "the motion tells too little"
     operator = watched(cell)
