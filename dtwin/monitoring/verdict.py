@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Final
 
@@ -17,6 +19,8 @@ if TYPE_CHECKING:  # the monitor of another arm says what it finds in the same w
 _TAKES_AWAY: Final = ("loss", "stop", "hold")
 """hypotheses of what leaves nothing to be changed: a joint without a motor, an encoder, or motion"""
 
+_TOLD: Final = re.compile(r"confidence (\d+) %.* since (-?[\d.]+) s")
+"""what a line about a finding tells of its confidence and time"""
 OWN: Final = 0.4
 """most probability of a cause that is found before the arm is understood again: second faults so soon are rare, and
 nothing is refitted from what is less probable than not"""
@@ -77,6 +81,15 @@ class Finding(msgspec.Struct, frozen=True):
             instead += f" or a consequence of {parse_fault_id(self.follows).where}"
         sure = f"confidence {100 * self.confidence:.0f} %{instead and ','}{instead}"
         return f"{self.cause}{where}{amount}, {sure}, since {self.since:.2f} s"
+
+
+def told(text: str) -> tuple[float, float]:
+    """Confidence of a finding and the plant time at which it began, s, by the line in which `Finding.text` tells it.
+
+    Where the line tells none, there is no confidence, and no number for the time.
+    """
+    found = _TOLD.search(text)
+    return (float(found[1]) / 100.0, float(found[2])) if found else (0.0, math.nan)
 
 
 def beside(first: Finding, other: Finding) -> Finding:

@@ -14,6 +14,7 @@ from dtwin.bus.twin_messages import MonitoredUnit, MonitoringVerdict
 from dtwin.errors import CommunicationError, ParameterError
 from dtwin.monitoring.kinds import PUSH, SLIP, arm_state, parse_fault_id
 from dtwin.recovery.answers import MEASURES, Answer, Measure, answer_to, order
+from dtwin.recovery.causes import StopCause
 from dtwin.recovery.desk import (
     CriticalFinding,
     DeadlinePassed,
@@ -31,11 +32,6 @@ SETTLING: Final = 1.0
 """s in which a second finding may follow the first, so that both are answered together"""
 FIND_OUT: Final = "find out what is wrong, then `dtwin release`"
 """What a person has to do about an arm of which nobody knows what it has"""
-CLEAR: Final = "see that nothing is in the way of the arm, then `dtwin release`"
-"""What a person has to do about an arm that was stopped as something pushed it: a stop ends by a person alone"""
-PUSHED: Final = 5.0
-"""s before a stop by the blocks in which a push is noticed that may have led to it: an arm that was pressed against
-something is stopped once the integrals have brought the voltage to its limit"""
 LOST: Final = 0.5
 """Share of the weight of a box that is gone at least when it was lost"""
 SURELY: Final = 5.0
@@ -78,6 +74,7 @@ class Operator:
         steps: what has been begun, in order.
         findings: findings as they were when they were answered, in order.
         trouble: why not all was done, "" if it was.
+        cause: which push explains a stop by the blocks.
     """
 
     def __init__(
@@ -90,12 +87,12 @@ class Operator:
         self.steps: list[Step] = []
         self.findings: list[MonitoredUnit] = []
         self.trouble = ""
+        self.cause = StopCause()
         self._desk = desk
         self._measures = measures
         self._dealt: dict[str, float] = {}
         self._again: dict[str, float] = {}
         self._waiting: dict[str, MonitoredUnit] = {}
-        self._push: Event | None = None
         self._propose = propose
         self._look = look
 
@@ -126,9 +123,12 @@ class Operator:
                 self._look()
 
     def _on_event(self, event: Event) -> None:
-        """Tells of a push, which is over by then, also while something else is being answered."""
+        """Tells of a push, which is over by then, also while something else is being answered; and what explains a
+        stop by the blocks when that is found later."""
+        self.cause.note(event)
+        if self._desk.stopped and (text := self.cause.amend(event)):
+            self._desk.say(text)
         if event.kind == MONITOR + PUSH and not self._desk.stopped:
-            self._push = event
             self._say_why(PUSH, answer_to(parse_fault_id(PUSH)))
             self._add_step("go on", (PUSH,))
 
@@ -304,10 +304,12 @@ class Operator:
             names = " and ".join(unit.parameter for unit in causes)
             if outlook := self._asked(self._measures.explain, causes):
                 return f"{names} explains it, {outlook.text}: {order(parse_fault_id(causes[0].parameter))}"
-        push, tripped = self._push, self._desk.tripped
-        if push is not None and tripped is not None and push.time >= tripped.time - PUSHED:
-            return f"{push.text.partition(',')[0]} explains it: {CLEAR}"
-        return f"{names} does not explain it: {FIND_OUT}" if found else f"nothing explains it: {FIND_OUT}"
+        tripped = self._desk.tripped
+        push = self.cause.explain(tripped, found) if tripped is not None else ""
+        if self.cause.name:
+            return push
+        none = f"{names} does not explain it" if found else "nothing explains it"
+        return f"{push or none}: {FIND_OUT}"
 
     def _asked(
         self, ask: Callable[[Sequence[MonitoredUnit]], Outlook | None], found: Sequence[MonitoredUnit]

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 from dtwin.line.line import Assignment, Line
+from dtwin.line.run import LineRun
 from dtwin.line.situation import Situation
 from dtwin.line.station import WorkTimes
 from dtwin.line.twins.forward import Change, Forward
@@ -21,31 +22,55 @@ class Known:
     """What twins knew of a line at a time.
 
     Attributes:
-        situation: what it was; None where nobody can tell.
+        time: plant time, s.
+        assignment: which station did what from then on.
+        situation: what the line was; None where nobody can tell.
         times: how long its arms take.
         stopped: names of the stations whose arms stood.
     """
 
+    time: float
+    assignment: Assignment
     situation: Situation | None
     times: Mapping[str, WorkTimes]
     stopped: tuple[str, ...]
 
+    @classmethod
+    def of(cls, run: LineRun) -> Known:
+        """What the twins of a line know now."""
+        times = run.times()
+        stopped = tuple(filter(run.is_stopped, times))
+        return cls(run.time, dict(run.work.assignment), run.situation, times, stopped)
 
-def expected(line: Line, known: Known, assignment: Assignment, horizon: float) -> float:
-    """Boxes an hour that twins predict of an assignment: the mean of simulations with slightly other work times.
+    def differs(self, run: LineRun) -> bool:
+        """Whether others do the work by now, or other arms stand."""
+        return self.assignment != run.work.assignment or self.stopped != tuple(filter(run.is_stopped, self.times))
+
+
+def expected(line: Line, known: Sequence[Known], until: float) -> float:
+    """Boxes an hour that twins predict: the mean of simulations with slightly other work times.
 
     The boxes of a full line fall into step with vehicles that charge, and out of it, for a hundredth of a second of
     work; one simulation alone tells one of these ways, and arms are not that exact.
+
+    Args:
+        line: the line.
+        known: what they knew when the time began that counts, and whenever the work was shared out otherwise or other
+            arms stood; at least one.
+        until: plant time at which it ends, s.
     """
     rates, forward = [], Forward(line)
     for factor in SPREAD:
-        spread = {name: scaled_times(each, factor) for name, each in known.times.items()}
-        left = known.situation and forward.left(known.situation, Change(assignment, spread, known.stopped), horizon)
-        times = [time for time, _ in left or ()]
-        if len(times) > 1:
-            rates.append(3600.0 * (len(times) - 1) / (times[-1] - times[0]))
+        left: list[float] = []
+        for each, end in zip(known, [*(later.time for later in known[1:]), until], strict=True):
+            spread = {name: scaled_times(times, factor) for name, times in each.times.items()}
+            change = Change(each.assignment, spread, each.stopped)
+            part = each.situation and forward.left(each.situation, change, end - each.time)
+            left += [each.time + time for time, _ in part or ()]
+        if len(left) > 1:
+            rates.append(3600.0 * (len(left) - 1) / (left[-1] - left[0]))
         else:
-            rates.append(predicted(line, spread, assignment, horizon))
+            rates.append(predicted(line, spread, known[-1].assignment, until - known[0].time))
     return sum(rates) / len(rates)
 
 

@@ -18,7 +18,7 @@ from dtwin.line.line import CYCLE, Line
 from dtwin.line.run import LineRun, LineSettings
 from dtwin.line.twins.decisions import Decision
 from evidence.experiment import SeriesCommand
-from evidence.line.best import STANDING, best_rate, work_times
+from evidence.line.best import STANDING, best_rate
 from evidence.line.expected import Known, expected
 from evidence.line.otherwise import USUAL, Otherwise
 from evidence.line.person import Person
@@ -99,8 +99,8 @@ class LineOutcome:
         rate: boxes an hour that left after SETTLING, and EARLIEST; from EARLIEST on without a fault.
         best: boxes an hour of the best assignment that the line could have had, by simulation of all from the
             running line on, as it was when its twins answered, or at the fault if they did not; 0 without a fault.
-        predicted: boxes an hour that its twins predict of the assignment that it has at the end, from what they knew
-            of the arms when throughput began to count, and from the line on as it was then.
+        predicted: boxes an hour that its twins predict from the line on as it was when throughput began to count, and
+            what they knew of the arms then; anew whenever the work is shared out otherwise, or other arms stand.
         noticed: time from the fault to the set-up or the settings that answer it, s; None if there were none.
         answer: what the twins did first, and what of it the arm can do, in a few words.
         moves: time from the fault to the first motion that the arm is commanded, s, before which nobody can see it
@@ -178,20 +178,19 @@ def tried(trial: LineTrial) -> LineOutcome:
     line = line_tried(trial)
     fault = ((trial.station, f"{trial.fault}@{trial.begins}"),) if trial.station else ()
     run = LineRun(line, LineSettings(trial.duration, "act" if trial.twins else "off", fault))
-    since, known = _since(trial), Known(None, work_times(line), ())
-
+    since, known = _since(trial), list[Known]()
     then, stopped, answered = run.situation, False, False
     person = Person(run, trial.station, trial.approved)
 
     def look() -> None:
-        nonlocal then, stopped, answered, known
+        nonlocal then, stopped, answered
         person.look()
         if trial.station and not answered:
             answered = bool(_answers(run)) or run.time > (since if trial.twins else trial.begins)
             stopped = bool(run.plant.stations[trial.station].report.stop)
             then = then if answered else run.situation
-        if run.time <= since < run.time + CYCLE:
-            known = Known(run.situation, run.times(), tuple(filter(run.is_stopped, run.times())))
+        if run.time > since - CYCLE and (not known or known[-1].differs(run)):
+            known.append(Known.of(run))
 
     run.run(look=look)
     answers = _answers(run) if trial.station else []
@@ -201,7 +200,7 @@ def tried(trial: LineTrial) -> LineOutcome:
         trial,
         run.rate(since),
         best_rate(line, trial.station, then, (since, trial.duration), able) if trial.station and then else 0.0,
-        expected(line, known, run.work.assignment, trial.duration - since),
+        expected(line, known, trial.duration),
         answers[0].time - trial.begins if answers else None,
         f"{answers[0].what}, {answers[0].why.partition(':')[0]}" if answers else "",
         _moves(run, trial) if trial.station else None,
@@ -312,7 +311,7 @@ def faults_report(outcomes: Sequence[LineOutcome]) -> Report:
         " on, with it at the shortest target time that it can have, each simulated from the line on as it was when"
         " the twins answered, or at the fault if they did not;"
         " an arm that its blocks have stopped by then can go on if a person has released it."
-        " Predicted is what the twins expect of the assignment that the line has."
+        " Predicted is what the twins expect once it counts, and anew when the work is shared out otherwise."
         f" {soon(outcomes, True)} of {failed} faults were answered within {SOON:g} s of the first motion after them,"
         f" {soon(outcomes, False)} within {SOON:g} s of the fault itself: while the arm stands, most cannot be seen."
     )

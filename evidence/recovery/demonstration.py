@@ -155,7 +155,13 @@ def _played(desk: Desk, healthy: KnownArm, case: RecoveryCase) -> Story:
     except (CommunicationError, ParameterError, DeadlinePassed, CriticalFinding, StoppedByController) as error:
         operator.trouble = str(error)
     return Story(
-        began, started, tuple(operator.findings), tuple(operator.steps), tuple(measures.offsets), operator.trouble
+        began,
+        started,
+        tuple(operator.findings),
+        tuple(operator.steps),
+        tuple(measures.offsets),
+        operator.trouble,
+        operator.cause.name,
     )
 
 

@@ -12,11 +12,14 @@ import numpy as np
 from dtwin.bus.twin_messages import MonitoredUnit
 from dtwin.emulation.faults import Fault, schedule
 from dtwin.logs.log import Log
+from dtwin.monitoring.kinds import PUSH, parse_fault_id
 from dtwin.parameters import PERIOD, ArmParameters, JointVector
 from dtwin.recovery.answers import Measure, Outcome
+from dtwin.recovery.causes import PUSHED
 from dtwin.recovery.desk import NAME
 from dtwin.recovery.operator import Step
 from dtwin.recovery.tuning import BOUND
+from dtwin.services.parts.stopping.stops import OWN
 from dtwin.signals import RELEASED, EventKind
 from dtwin.simulation.figures import Array
 from dtwin.simulation.measured import motions
@@ -55,6 +58,8 @@ class Story:
         steps: what the operator did.
         offsets: times of the uploads of encoder offsets, and the offsets, rad.
         trouble: why not all was done, "" if it was.
+        cause: the push that a person was told as the cause of a stop by the blocks, such as push of joint 2, "" for
+            none.
     """
 
     fault: float | None = None
@@ -63,6 +68,7 @@ class Story:
     steps: tuple[Step, ...] = ()
     offsets: tuple[tuple[float, JointVector], ...] = ()
     trouble: str = ""
+    cause: str = ""
 
     @property
     def uploaded(self) -> float | None:
@@ -141,6 +147,8 @@ class Recovery:
         usual_jump: the same at all ticks from the first upload to the faults, V.
         moments: who did what.
         log: the log of the run.
+        pushed: the push for which the blocks stopped the arm by themselves, such as push of joint 2, where nothing
+            else would have to be done; "" for none.
     """
 
     seed: int
@@ -155,6 +163,7 @@ class Recovery:
     usual_jump: float
     moments: tuple[TimelineEntry, ...]
     log: Log
+    pushed: str = ""
 
     @property
     def measures(self) -> frozenset[Measure]:
@@ -166,8 +175,11 @@ class Recovery:
     def right(self) -> bool:
         """Whether the right answer was given: a stop where one was due, and all measures where they help.
 
-        A fault that harmed no motion, and of which nothing was noticed, needs no answer.
+        A fault that harmed no motion, and of which nothing was noticed, needs no answer. Where the blocks stop the
+        arm for a push, a person has to be told that this is the cause.
         """
+        if self.pushed and self.story.cause != self.pushed:
+            return False
         if not self.story.steps and self.outcome == "nothing needed":
             return True
         return self.measures == self.expected.measures
@@ -198,6 +210,9 @@ def judge(seed: int, faults: Sequence[Fault], expected: Expected, story: Story, 
     payload = schedule(ArmParameters(), faults)[0].condition.payload
     began = story.fault if story.fault is not None else float("inf")
     same: dict[tuple[Way, bool, float], float] = {}
+    pushed = pushed_off(faults, log, began) if expected.measures == {"go on"} else ""
+    if pushed:
+        expected = Expected(frozenset({"stop"}), None)
     ways: dict[tuple[Way, bool], list[float]] = {}
     usual: dict[tuple[Way, bool], float] = {}
     for motion in tracked(healthy):
@@ -246,7 +261,28 @@ def judge(seed: int, faults: Sequence[Fault], expected: Expected, story: Story, 
         *_jumps(log, story.started or 0.0, began),
         tuple(moments),
         log,
+        pushed,
     )
+
+
+def pushed_off(faults: Sequence[Fault], log: Log, began: float) -> str:
+    """The push for which the blocks stopped the arm by themselves since a plant time (s), "" for none.
+
+    It was stronger than the blocks let pass: the arm left its path by more than SAFE_STOP allows. Only a person ends
+    such a stop, who has to see first that nothing is in the way of the arm.
+    """
+    stops = [event.time for event in log.events if event.kind == EventKind.STOP and OWN in event.text]
+    for fault in (fault for fault in faults if fault.target.startswith(PUSH)):
+        starts = [
+            event.time
+            for event in log.events
+            if event.kind == EventKind.FAULT
+            and event.time >= began - PERIOD / 2
+            and event.text.startswith(fault.target)
+        ]
+        if starts and any(starts[0] <= stop <= starts[0] + PUSHED for stop in stops):
+            return parse_fault_id(fault.target).where
+    return ""
 
 
 def tracked(log: Log, offsets: Sequence[tuple[float, JointVector]] = ()) -> Iterator[Tracked]:

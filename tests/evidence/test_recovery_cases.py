@@ -16,19 +16,24 @@ from dtwin.emulation.machine.files import machine_of
 from dtwin.emulation.machine.sections import IDEAL
 from dtwin.errors import FaultError
 from dtwin.identification.machine.record import write_record
+from dtwin.logs.log import Log
 from dtwin.parameters import ArmParameters
 from dtwin.recovery.answers import ANSWERS
 from dtwin.recovery.desk import Desk
+from dtwin.recovery.measures import Taken
+from dtwin.recovery.operator import Step
 from dtwin.recovery.tuning import WORSE
 from dtwin.services.launch import CellOptions
-from dtwin.signals import Event
+from dtwin.services.parts.stopping.stops import OWN
+from dtwin.signals import Event, EventKind
 from dtwin.simulation.proposal import controllable
 from dtwin.twin.effects import NO_EFFECTS, Effects
 from evidence.recovery.campaign import RecoveryTrial, passed, pushes, recovery_report
 from evidence.recovery.cases import DRAWS, RecoveryCase, drawn_case
 from evidence.recovery.demonstration import PUSH_AFTER, make_faults, parse_faults
-from evidence.recovery.expected import expected_of, kind_of, made_of
+from evidence.recovery.expected import Expected, expected_of, kind_of, made_of
 from evidence.recovery.known import KnownArm, recorded_arm
+from evidence.recovery.outcome import Recovery, Story, pushed_off
 from tests.support.records import recorded
 
 CONTROL = ControlSettings(gains=USUAL_GAINS["cascade"], law="cascade")
@@ -54,6 +59,28 @@ def test_a_push_that_was_told_is_named_though_no_finding_stands() -> None:
     events = [Event(time, "monitor_push", text) for time, text in told]
     assert pushes([*events, Event(13.0, "monitor_failed", "locked joint of joint 1")], 12.0) == [(12.5, "push2")]
     assert pushes(events, None) == []
+
+
+@pytest.mark.parametrize(
+    ("stopped", "text", "name"),
+    [
+        (12.3, f"safe stop: braking{OWN}", "push of joint 2"),
+        (17.5, f"safe stop: braking{OWN}", ""),
+        (12.3, "safe stop: braking (operator: look at it)", ""),
+    ],
+)
+def test_a_push_that_the_blocks_do_not_bear_is_left_to_a_person_who_is_told_of_it(
+    stopped: float, text: str, name: str
+) -> None:
+    events = [Event(12.0, EventKind.FAULT, "push2+=0.5@12-12.2 began"), Event(stopped, EventKind.STOP, text)]
+    faults, log = parse_faults(["push2+=0.5"]), cast(Log, SimpleNamespace(events=events))
+    assert pushed_off(faults, log, 12.0) == name
+    assert not pushed_off(faults, log, 12.1), "that push was over when the faults began"
+    stop = (Step(14.0, (), "stop", Taken(None, {})),)
+    for told in ("", "push of joint 1", "push of joint 2"):
+        story, expected = Story(12.0, steps=stop, cause=told), Expected(frozenset({"stop"}), None)
+        run = Recovery(0, faults, expected, story, (), None, "stopped, person told", False, 0.0, 0.0, (), log, name)
+        assert run.right == (told == name or not name)
 
 
 @pytest.mark.parametrize(

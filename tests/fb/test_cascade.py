@@ -113,6 +113,8 @@ def test_an_arm_that_others_move_leaves_no_integrals() -> None:
     assert block.triple("SUM").tolist() == [0.0, 0.0, 0.0]
     fire(block, theta + 0.01, np.zeros(3), rest(theta))
     assert block.triple("ALPHA").tolist() == [0.0, 0.0, 0.0]
+    fire(block, theta + 0.01, np.zeros(3), rest(theta))
+    assert np.abs(block.triple("ALPHA")).min() > 0.1, "it is driven again, and the observer has to know"
 
 
 def test_integrals_stay_bounded_at_the_voltage_limit() -> None:

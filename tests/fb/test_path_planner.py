@@ -152,3 +152,19 @@ def test_an_arm_that_does_not_follow_when_it_brakes_stands_where_it_is_then(join
     for _ in range(40):
         planner.fire("REQ", STOP=2, **triple("THETA", moved))
         assert planner["AWAY"] == pytest.approx(0.3, abs=1e-4)
+
+
+@pytest.mark.parametrize(("late", "stands"), [(30, True), (37, True), (38, False)])
+def test_an_arm_that_passes_its_place_as_the_braking_ends_stands_where_it_is_soon_after(
+    late: int, stands: bool
+) -> None:
+    """One that was pushed comes back fast: it was taken for one that stands, overshot, and lost its torque."""
+    planner = Driven("PATH_PLANNER")
+    theta = np.array([0.5, -0.5, 0.3])
+    planner.fire("TARGET", **to("here"), **triple("THETA", theta))
+    planner.fire("REQ")
+    told = []
+    for tick in range(1, 45):
+        measured = theta + np.array([0.0, 0.11 if tick > late else 0.0, 0.0])
+        told += planner.fire("REQ", STOP=1 if tick < 40 else 2, **triple("THETA", measured))
+    assert ("RESET" in told) == stands

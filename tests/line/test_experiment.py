@@ -6,7 +6,9 @@ import pytest
 
 from dtwin.errors import DtwinError
 from dtwin.line.file import line_of
+from dtwin.line.run import LineRun, LineSettings
 from dtwin.parameters import ROOT
+from evidence.line.expected import Known, expected, scaled_times
 from evidence.line.faults import (
     CAUSES,
     LineOutcome,
@@ -67,6 +69,24 @@ def test_an_answer_counts_from_the_fault_or_from_the_first_motion_after_it() -> 
     late = replace(FAILED, noticed=15.0, moves=12.0)
     never = replace(FAILED, noticed=None, moves=12.0)
     assert [soon([FAILED, late, never, HEALTHY], moving) for moving in (False, True)] == [1, 2]
+
+
+def test_what_twins_predict_begins_anew_when_the_work_is_shared_out_otherwise() -> None:
+    usual = line_of("default")
+    run = LineRun(replace(usual, source=replace(usual.source, every=12.0)), LineSettings(160.0, "off"))
+    known: list[Known] = []
+    while not run.over:
+        run.step()
+        if run.time > 100.0 and run.work.version == 0:
+            moved = {**usual.assignment, "pack": "b1"}
+            assert run.floor.control.set_up(moved)
+            run.work.adopt(moved, 1)
+        if run.time > 70.0 and (not known or known[-1].differs(run)):
+            known.append(Known.of(run))
+    assert [(round(each.time), each.assignment["pack"]) for each in known] == [(70, "b2"), (100, "b1")]
+    assert expected(run.line, known, 160.0) == pytest.approx(run.rate(70.0), rel=0.05)
+    slow = replace(known[0], times={name: scaled_times(times, 6.0) for name, times in known[0].times.items()})
+    assert expected(run.line, [slow, known[1]], 160.0) > 1.2 * expected(run.line, [slow], 160.0)
 
 
 @pytest.mark.parametrize("arm", ["planar-2r", "servo-2r", "six-axis"])

@@ -1,5 +1,6 @@
 """How findings end: undone, refined away, put down with the box, explained, acknowledged."""
 
+import math
 from collections.abc import Callable
 
 import msgspec
@@ -15,13 +16,13 @@ from dtwin.monitoring.estimation.estimator import Estimator
 from dtwin.monitoring.estimation.layout import INDEX
 from dtwin.monitoring.estimation.tuning import Tuning
 from dtwin.monitoring.findings import PUT_DOWN, Findings
-from dtwin.monitoring.kinds import parse_fault_id, plausible_sizes
+from dtwin.monitoring.kinds import FaultId, parse_fault_id, plausible_sizes
 from dtwin.monitoring.modes import Diagnosing
 from dtwin.monitoring.monitor import Monitor
 from dtwin.monitoring.offline import stream
 from dtwin.monitoring.sensing.gripper import GripperWatch
 from dtwin.monitoring.signatures import Onset
-from dtwin.monitoring.verdict import UNITS, finding, monitored_units, verdict_on
+from dtwin.monitoring.verdict import UNITS, finding, monitored_units, told, verdict_on
 from evidence.monitoring.trial import identified_belief
 
 
@@ -320,3 +321,12 @@ def test_a_verdict_tells_all_that_is_wrong_though_a_unit_tells_the_gravest_alone
     assert [each.parameter for each in told.findings] == ["freeze2", "K1", "late", "mu2"]
     assert [told.units[unit].parameter for unit in UNITS[:3]] == ["K1", "freeze2", "late"]
     assert all(each.state == "failed" for each in told.findings)
+
+
+@pytest.mark.parametrize("others", [(), ("lock1", "cut1")])
+def test_confidence_and_time_are_read_from_the_line_that_tells_them(others: tuple[str, ...]) -> None:
+    line = finding(FaultId("push", 1), 20.04, 20.5, confidence=0.33, others=others).text()
+    assert told(line) == (0.33, 20.04)
+    confidence, since = told("the model does not fit this arm")
+    assert confidence == 0.0
+    assert math.isnan(since)

@@ -190,13 +190,18 @@ class FakeCell:
 
 def watched(cell: FakeCell, record: MachineRecord | None = None) -> Operator:
     """The operator after 60 s at a cell; the upload of the healthy arm's model is left out of its list."""
+    return attended(cell, record)[0]
+
+
+def attended(cell: FakeCell, record: MachineRecord | None = None) -> tuple[Operator, Desk]:
+    """The same with its desk; it ends earlier once it has stopped the arm."""
     desk = Desk(cast(Bus, cell), cell.over, lambda time: None, 60.0)
     measures = Measures(desk, HEALTHY, record)
     measures.put_into_force()
     cell.uploads.clear()
     operator = Operator(desk, measures)
     operator.watch()
-    return operator
+    return operator, desk
 
 
 def measures_of(operator: Operator) -> list[tuple[str, tuple[str, ...]]]:
