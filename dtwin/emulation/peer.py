@@ -12,7 +12,7 @@ import contextlib
 import io
 import logging
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -104,17 +104,23 @@ def fit(
         sysid.TimeSeries.from_names(np.arange(len(measured)) * PERIOD, measured, model),
     )
     residual = sysid.build_residual_fn(models_sequences=[sequences], modify_residual=transform.apply)
+    with quiet():
+        began = time.perf_counter()
+        found, _ = sysid.optimize(parameters, residual, optimizer="mujoco", verbose=False, x_scale="jac")
+        seconds = time.perf_counter() - began
+    return PeerFit({name: float(found[name].value[0]) for name in bounds}, seconds)
+
+
+@contextlib.contextmanager
+def quiet() -> Iterator[None]:
+    """Lets mujoco.sysid say nothing meanwhile; its optimiser prints whatever `verbose` says."""
     level = logging.getLogger().level
     logging.getLogger().setLevel(logging.ERROR)
     try:
-        began = time.perf_counter()
-        # Its optimiser prints whatever `verbose` says.
         with contextlib.redirect_stdout(io.StringIO()):
-            found, _ = sysid.optimize(parameters, residual, optimizer="mujoco", verbose=False, x_scale="jac")
-        seconds = time.perf_counter() - began
+            yield
     finally:
         logging.getLogger().setLevel(level)
-    return PeerFit({name: float(found[name].value[0]) for name in bounds}, seconds)
 
 
 def _spec(arm: ArmParameters, weight: float) -> Any:

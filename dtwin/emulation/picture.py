@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,7 +65,23 @@ def renderer_of(model: mujoco.MjModel, width: int, height: int) -> mujoco.Render
         raise DtwinError(NO_GL) from None
 
 
-class Studio:
+class Rendering:
+    """What takes pictures with a renderer; to be closed, or used as a context."""
+
+    _renderer: mujoco.Renderer
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Gives the memory of the pictures back."""
+        self._renderer.close()
+
+
+class Studio(Rendering):
     """Takes pictures of a cell; to be closed, or used as a context.
 
     Args:
@@ -99,16 +115,6 @@ class Studio:
         self._half = np.array(model.geom_size[self._held])
         self._model, self._data, self._camera = model, mujoco.MjData(model), camera
         self._renderer = renderer_of(model, width, height)
-
-    def __enter__(self) -> Studio:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Gives the memory of the pictures back."""
-        self._renderer.close()
 
     def picture(self, theta: Sequence[float], gripper: float, boxes: Sequence[DrawnBox]) -> NDArray[np.uint8]:
         """A picture of the arm and some boxes.

@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, Final, Protocol, TypeVar
+from typing import Any, Final, Generic, Protocol, TypeVar
 
 import numpy as np
 
@@ -39,32 +39,6 @@ HIGHEST: Final = (2000.0, 2000.0, 100.0)
 """Upper bounds of kp, ki and kd in the search, unless twice a gain in use is more."""
 
 
-@dataclass(frozen=True, slots=True)
-class Optimum:
-    """The result of an optimisation.
-
-    Attributes:
-        best: evaluation of the candidate of least cost.
-        reference: evaluation of the settings in use.
-        scores: evaluations of all candidates in the order of their generations.
-        seconds: wall time of the search without the start of the processes, s.
-    """
-
-    best: CandidateScore
-    reference: CandidateScore
-    scores: tuple[CandidateScore, ...]
-    seconds: float
-
-    @property
-    def motions(self) -> int:
-        """Number of motions simulated in all."""
-        return sum(found.motions for found in self.scores)
-
-    def front(self, *terms: str) -> list[CandidateScore]:
-        """The Pareto front of the usable candidates in the given terms, ordered by the first term."""
-        return front_of(self.scores, *terms)
-
-
 Scored = TypeVar("Scored", bound="_Scored")
 
 
@@ -75,6 +49,37 @@ class _Scored(Protocol):
     def broken(self) -> str: ...
     @property
     def cost(self) -> float: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Found(Generic[Scored]):
+    """The result of a search.
+
+    Attributes:
+        best: evaluation of the candidate of least cost.
+        reference: evaluation of the settings in use.
+        scores: evaluations of all candidates in the order of their generations.
+        seconds: wall time of the search, s.
+    """
+
+    best: Scored
+    reference: Scored
+    scores: tuple[Scored, ...]
+    seconds: float
+
+    def front(self, *terms: str) -> list[Scored]:
+        """The Pareto front of the usable candidates in the given terms, ordered by the first term."""
+        return front_of(self.scores, *terms)
+
+
+@dataclass(frozen=True, slots=True)
+class Optimum(Found[CandidateScore]):
+    """The result of an optimisation; its time is without the start of the processes."""
+
+    @property
+    def motions(self) -> int:
+        """Number of motions simulated in all."""
+        return sum(found.motions for found in self.scores)
 
 
 def front_of(scores: Iterable[Scored], *terms: str) -> list[Scored]:

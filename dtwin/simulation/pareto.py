@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import Final
 
 from dtwin.pictures import COLOURS, DARK, legend, new_figure, save
-from dtwin.simulation.chain.optimise import ArmOptimum
-from dtwin.simulation.optimise import Optimum
+from dtwin.simulation.optimise import Found, Scored
 
 _LABELS: Final = {
     "time": "settling time, s",
@@ -18,7 +17,7 @@ _LABELS: Final = {
 }
 
 
-def draw_front(found: Optimum | ArmOptimum, path: Path) -> None:
+def draw_front(found: Found[Scored], path: Path) -> None:
     """Draws the settling time against the other terms, such as tracking, energy and peak voltage, as a PNG file.
 
     Raises:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -17,7 +16,7 @@ from dtwin.run.hidden import DriveColumns, HiddenLog, TouchColumns
 from dtwin.task import DEFAULT_TASK
 from dtwin.view import scene, style
 from dtwin.view.layout import GRIPPER_ANGLES, VOLTS, plot_view, reach
-from dtwin.view.series import GRIPPER, time_column
+from dtwin.view.series import GRIPPER, send_lines, time_column
 
 Array = NDArray[np.float64]
 
@@ -128,19 +127,19 @@ def _log_drives(
             (VOLTAGE, "commanded", commanded, drives.volts),
             (FRICTION, "believed", friction, drives.friction),
         ):
-            _send(stream, times, f"{root}/joint_{joint}/acting", ["acting"], [colour], 3.0, true[:, i])
-            _send(stream, times, f"{root}/joint_{joint}/{name}", [name], [style.TARGET], 1.2, twin[:, i])
+            send_lines(stream, times, f"{root}/joint_{joint}/acting", ["acting"], [colour], 3.0, true[:, i])
+            send_lines(stream, times, f"{root}/joint_{joint}/{name}", [name], [style.TARGET], 1.2, twin[:, i])
     theta = log.stack("theta")
     names = [f"joint {joint}" for joint in (1, 2, 3)]
-    _send(stream, times, GEAR, names, style.JOINTS, 1.5, 1e3 * (drives.motors - theta))
-    _send(stream, times, ENCODER, names, style.JOINTS, 1.5, 1e3 * (log.stack("measured") - theta))
+    send_lines(stream, times, GEAR, names, style.JOINTS, 1.5, 1e3 * (drives.motors - theta))
+    send_lines(stream, times, ENCODER, names, style.JOINTS, 1.5, 1e3 * (log.stack("measured") - theta))
 
 
 def _log_touches(stream: rr.RecordingStream, times: rr.TimeColumn, log: Log, touches: TouchColumns) -> None:
     names = ["fixed pads press", "moving pads press", "pads carry", "most they can carry"]
     colours = (style.JOINTS[0], style.JOINTS[2], style.JOINTS[1], style.LIMIT)
-    _send(stream, times, GRIP, names, colours, 1.5, touches.grip)
-    _send(stream, times, SLIP, ["slip"], [style.PAYLOAD], 2.0, 1e3 * touches.slip)
+    send_lines(stream, times, GRIP, names, colours, 1.5, touches.grip)
+    send_lines(stream, times, SLIP, ["slip"], [style.PAYLOAD], 2.0, 1e3 * touches.slip)
 
     drawn = np.arange(len(log)) % scene.STRIDE == 0
     moments = time_column(log.columns["t"][drawn])
@@ -163,18 +162,3 @@ def _log_touches(stream: rr.RecordingStream, times: rr.TimeColumn, log: Log, tou
         colors=np.array([DEFAULT_TASK.rgb(colour) for colour in np.array(touches.colours)[shown]], dtype=np.uint8),
     )
     stream.send_columns(BODIES, indexes=[moments], columns=boxes.partition(touches.boxes[drawn]))
-
-
-def _send(
-    stream: rr.RecordingStream,
-    times: rr.TimeColumn,
-    entity: str,
-    names: Sequence[str],
-    colours: Sequence[style.RGB],
-    width: float,
-    values: Array,
-) -> None:
-    """Sends the lines of one entity, values of shape (ticks, lines) or (ticks,)."""
-    lines = rr.SeriesLines(names=names, colors=colours, widths=[width] * len(names))
-    stream.log(entity, lines, static=True)
-    stream.send_columns(entity, indexes=[times], columns=rr.Scalars.columns(scalars=values))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 from dtwin.parameters import unit_of
 from dtwin.view.layout import plot_view
 from dtwin.view.saving import saving
-from dtwin.view.series import TIMELINE
+from dtwin.view.series import TIMELINE, send_lines, stream_of
 
 Array = NDArray[np.float64]
 
@@ -52,18 +51,14 @@ def write_identification(
     Raises:
         RecordingError: the path cannot be written.
     """
-    digest = hashlib.blake2b(b"".join(angles.tobytes() for angles in motions.values()), digest_size=16).hexdigest()
-    stream = rr.RecordingStream("dtwin identification", recording_id=digest, send_properties=False)
-    stream.set_log_tick_enabled(False)
-    stream.set_log_time_enabled(False)
+    stream = stream_of(b"", motions.values(), "dtwin identification")
     with saving(stream, path, _layout(motions["measured"])):
         for name, angles in motions.items():
             time = rr.TimeColumn(TIMELINE, duration=np.arange(len(angles)) * period)
             for joint in (1, 2, 3):
                 colour, width = _STYLES[name]
                 entity = f"motion/joint_{joint}/{name}"
-                stream.log(entity, rr.SeriesLines(colors=[colour], widths=[width], names=[name]), static=True)
-                stream.send_columns(entity, [time], rr.Scalars.columns(scalars=angles[:, joint - 1]))
+                send_lines(stream, time, entity, [name], [colour], width, angles[:, joint - 1])
         lines = [f"| {name} | {value:.6g} | +- {half:.2g} | {unit_of(name)} |" for name, value, half in rows]
         table = "\n".join(["| | estimate | 95 % interval | unit |", "|---|---|---|---|", *lines])
         stream.log("parameters", rr.TextDocument(table, media_type=rr.MediaType.MARKDOWN), static=True)

@@ -26,10 +26,9 @@ from dtwin.view.monitoring import (
 )
 from dtwin.view.saving import RecordingFile
 from dtwin.view.scene import STRIDE, Scene
-from dtwin.view.series import ERROR, PLOTS, log_events, log_limits, log_plots, log_states, log_styles
+from dtwin.view.series import APPLICATION, ERROR, PLOTS, log_events, log_limits, log_plots, log_states, log_styles
 from dtwin.view.story import MOST_MARKS, Story, log_marks, log_story_styles, marks
 from dtwin.view.viewer import Detail
-from dtwin.view.write import APPLICATION
 
 SCREEN: Final = 4
 """Number of ticks of which a recording in the detail of a screen holds one, 25 Hz, and more where a line bends."""

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import hashlib
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import rerun as rr
@@ -17,6 +18,7 @@ from dtwin.task import Task
 from dtwin.view import style
 from dtwin.view.boxes import Grasp, Waiting
 
+APPLICATION: Final = "dtwin"
 TIMELINE: Final = "plant_time"
 ANGLES: Final = "angles"
 ERROR: Final = "tracking_error"
@@ -115,6 +117,40 @@ def time_column(t: ArrayLike) -> rr.TimeColumn:
     """Plant times (s) on the time line of the recording, rounded to whole nanoseconds."""
     nanoseconds = np.round(np.asarray(t, dtype=np.float64) * 1e9)
     return rr.TimeColumn(TIMELINE, duration=nanoseconds.astype("timedelta64[ns]"))
+
+
+def stream_of(notes: bytes, values: Iterable[NDArray[Any]], application: str = APPLICATION) -> rr.RecordingStream:
+    """A stream in plant time, without a wall clock, whose id is the digest of what is drawn.
+
+    By the id the viewer tells recordings apart.
+
+    Args:
+        notes: what is drawn, in words.
+        values: the numbers of it.
+        application: name of the program under which the viewer keeps layouts.
+    """
+    digest = hashlib.blake2b(notes, digest_size=16)
+    for each in values:
+        digest.update(each.tobytes())
+    stream = rr.RecordingStream(application, recording_id=digest.hexdigest(), send_properties=False)
+    stream.set_log_tick_enabled(False)
+    stream.set_log_time_enabled(False)
+    return stream
+
+
+def send_lines(
+    stream: rr.RecordingStream,
+    times: rr.TimeColumn,
+    entity: str,
+    names: Sequence[str],
+    colours: Sequence[style.RGB],
+    width: float,
+    values: NDArray[Any],
+) -> None:
+    """Sends the lines of one entity, values of shape (ticks, lines) or (ticks,), and how they look."""
+    lines = rr.SeriesLines(names=names, colors=colours, widths=[width] * len(names))
+    stream.log(entity, lines, static=True)
+    stream.send_columns(entity, indexes=[times], columns=rr.Scalars.columns(scalars=values))
 
 
 def log_styles(stream: rr.RecordingStream) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from pathlib import Path
 from typing import Final
 
@@ -20,10 +19,9 @@ from dtwin.view.hidden import hidden_views, log_hidden
 from dtwin.view.layout import blueprint, extent_of
 from dtwin.view.saving import saving
 from dtwin.view.scene import Scene
-from dtwin.view.series import log_events, log_limits, log_plots, log_states, log_styles
+from dtwin.view.series import log_events, log_limits, log_plots, log_states, log_styles, stream_of
 from dtwin.view.story import Story, log_marks, log_story_styles, marks
 
-APPLICATION: Final = "dtwin"
 _PART: Final = 1 << 15
 """Number of ticks sent at once, a multiple of the scene's stride."""
 _NOMINAL: Final = ArmParameters()
@@ -83,11 +81,4 @@ def log_run(stream: rr.RecordingStream, scene: Scene, log: Log, hidden: HiddenLo
 def open_stream(log: Log, of: str = "run") -> rr.RecordingStream:
     """A stream whose id is the digest of a log and of what is made of it, by which the viewer tells them apart."""
     notes = msgspec.json.encode((of, log.events, dict(log.metadata)), order="sorted")
-    digest = hashlib.blake2b(notes, digest_size=16)
-    for name in COLUMNS:
-        digest.update(log.columns[name].tobytes())
-    stream = rr.RecordingStream(APPLICATION, recording_id=digest.hexdigest(), send_properties=False)
-    # A recording in plant time has no wall clock.
-    stream.set_log_tick_enabled(False)
-    stream.set_log_time_enabled(False)
-    return stream
+    return stream_of(notes, (log.columns[name] for name in COLUMNS))

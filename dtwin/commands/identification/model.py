@@ -23,14 +23,20 @@ _DIFFERENT = 3.0
 """standard errors from which two estimates count as different"""
 
 
-@dataclass(frozen=True)
-class ModelList:
-    """List the identified models of a store, all revisions."""
+@dataclass(frozen=True, kw_only=True)
+class _Kept:
+    """Where models are kept."""
 
     store: Path | None = None
     """Folder of the models; that of the cell if it is up on this machine, else identified, if not given."""
     cell: str = "cell"
     """Name of the cell."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModelList(_Kept):
+    """List the identified models of a store, all revisions."""
+
     json: bool = False
     """Print one JSON array on standard output and nothing else."""
 
@@ -60,16 +66,12 @@ class ModelList:
         return 0
 
 
-@dataclass(frozen=True)
-class ModelShow:
+@dataclass(frozen=True, kw_only=True)
+class ModelShow(_Kept):
     """Show an identified model: parameters, intervals, what it was made from and how well it fits."""
 
     model: Annotated[str, tyro.conf.Positional]
     """NAME, NAME@REVISION or a file that ends in .json."""
-    store: Path | None = None
-    """Folder of the models; that of the cell if it is up on this machine, else identified, if not given."""
-    cell: str = "cell"
-    """Name of the cell."""
     json: bool = False
     """Print the model's JSON and nothing else."""
 
@@ -98,18 +100,14 @@ class ModelShow:
         return 0
 
 
-@dataclass(frozen=True)
-class ModelDiff:
+@dataclass(frozen=True, kw_only=True)
+class ModelDiff(_Kept):
     """Compare two identified models parameter by parameter, in units of their joint standard error."""
 
     first: Annotated[str, tyro.conf.Positional]
     """NAME, NAME@REVISION or a file that ends in .json."""
     second: Annotated[str, tyro.conf.Positional]
     """The model to compare it with, named in the same way."""
-    store: Path | None = None
-    """Folder of the models; that of the cell if it is up on this machine, else identified, if not given."""
-    cell: str = "cell"
-    """Name of the cell."""
     json: bool = False
     """Print one JSON object on standard output and nothing else."""
 
@@ -140,18 +138,14 @@ class ModelDiff:
         return 0
 
 
-@dataclass(frozen=True)
-class ModelExport:
+@dataclass(frozen=True, kw_only=True)
+class ModelExport(_Kept):
     """Write an identified model as an MJCF of the cell or as plain parameters."""
 
     model: Annotated[str, tyro.conf.Positional]
     """NAME, NAME@REVISION or a file that ends in .json."""
     file: Annotated[Path, tyro.conf.Positional]
     """File to write: .xml for an MJCF, .json for parameters by name."""
-    store: Path | None = None
-    """Folder of the models; that of the cell if it is up on this machine, else identified, if not given."""
-    cell: str = "cell"
-    """Name of the cell."""
     format: Literal["mjcf", "parameters"] | None = None
     """What to write, if the file's ending does not say."""
 

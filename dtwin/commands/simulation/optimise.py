@@ -5,15 +5,14 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import msgspec
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
-from rich.table import Table
 
 from dtwin.api.optimisation import optimise
 from dtwin.commands.frame import WorkforceOption, arguments_as_options
+from dtwin.commands.simulation.found import show
 from dtwin.commands.simulation.optimise_arm import other_cell, search_arm
 from dtwin.controller.proposed import SavedTuning
 from dtwin.controller.runtime import RuntimeOption
@@ -23,9 +22,7 @@ from dtwin.files import PICTURE, ensure_writable, replacing
 from dtwin.identification.store import STORE
 from dtwin.parameters import CellJoints, Law
 from dtwin.run.options import CellFileOption
-from dtwin.simulation.objective import Limits
-from dtwin.simulation.optimise import Optimum
-from dtwin.terminal import print_json, print_table
+from dtwin.simulation.objective import CandidateScore, Limits
 
 _UNITS = {"time": "s", "tracking": "rad", "energy": "J", "voltage": "V"}
 
@@ -123,19 +120,11 @@ class Optimise(CellFileOption, RuntimeOption, WorkforceOption):
                 cell_file=self.cell_file,
                 between=between,
             )
-        if self.plot is not None:
-            from dtwin.simulation.pareto import draw_front
-
-            draw_front(found, self.plot)
         if self.save is not None and not found.best.broken:
             with replacing(self.save) as temporary:
                 content = SavedTuning(target_time=found.best.target_time, gains=found.best.gains, law=self.law)
                 temporary.write_bytes(msgspec.json.format(msgspec.json.encode(content)) + b"\n")
-        if self.json:
-            print_json(_report(found))
-        else:
-            _print(found)
-        return 1 if found.best.broken else 0
+        return show(found, ("motions", found.motions), _settings, _UNITS, self.plot, self.json)
 
 
 def _weight(text: str) -> tuple[str, float]:
@@ -158,32 +147,6 @@ def _progress(quiet: bool) -> Progress:
     return Progress(*columns, console=console, transient=True, disable=quiet or not console.is_terminal)
 
 
-def _report(found: Optimum) -> dict[str, Any]:
-    return {
-        "best": msgspec.to_builtins(found.best),
-        "reference": msgspec.to_builtins(found.reference),
-        "front": [msgspec.to_builtins(each) for each in found.front("time", "tracking")],
-        "candidates": len(found.scores),
-        "motions": found.motions,
-        "seconds": found.seconds,
-        "motions_per_second": found.motions / found.seconds,
-    }
-
-
-def _print(found: Optimum) -> None:
-    best, reference = found.best, found.reference
-    if best.broken:
-        print(f"no candidate keeps all limits; the best breaks that of {best.broken}")
-        return
-    title = "settings of least cost" if best.cost < reference.cost else "nothing better than the settings in use"
-    table = Table("", "in use", "found", title=title)
-    table.add_row("target time, s", f"{reference.target_time:.3f}", f"{best.target_time:.3f}")
-    for name in ("kp", "ki", "kd"):
-        table.add_row(name, *("  ".join(f"{v:.1f}" for v in getattr(each.gains, name)) for each in (reference, best)))
-    for name, unit in _UNITS.items():
-        table.add_row(f"{name}, {unit}", f"{reference.terms[name]:.4g}", f"{best.terms[name]:.4g}")
-    table.add_row("cost", f"{reference.cost:.4f}", f"{best.cost:.4f}")
-    print_table(table)
-    rate = found.motions / found.seconds
-    judged = f"{len(found.scores)} candidates, {found.motions} motions in {found.seconds:.1f} s"
-    print(f"{judged}: {rate:.0f} motions a second")
+def _settings(score: CandidateScore) -> dict[str, str]:
+    gains = {name: "  ".join(f"{value:.1f}" for value in getattr(score.gains, name)) for name in ("kp", "ki", "kd")}
+    return {"target time, s": f"{score.target_time:.3f}"} | gains

@@ -5,16 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
-import msgspec
-from rich.table import Table
-
 from dtwin.commands.frame import progress_bar
+from dtwin.commands.simulation.found import show
 from dtwin.errors import ParameterError
 from dtwin.options import refuse_others
 from dtwin.run.arm_cell import ArmCell, arm_cell_of
 from dtwin.run.chain import ChainSettings
-from dtwin.simulation.chain.optimise import ArmLimits, ArmObjective, ArmOptimum, optimise_arm
-from dtwin.terminal import print_json, print_table
+from dtwin.simulation.chain.optimise import ArmLimits, ArmObjective, ArmScore, optimise_arm
 
 _DURATION: Final = 60.0
 """Length of the run that a cell is read for, s; a search goes once through its poses, however long that takes."""
@@ -57,15 +54,12 @@ def search_arm(cell: ArmCell, options: Any, weights: Mapping[str, float]) -> int
             seed=options.seed,
             between=lambda done, best: progress(done, options.candidates),
         )
-    if options.plot is not None:
-        from dtwin.simulation.pareto import draw_front
-
-        draw_front(found, options.plot)
-    if options.json:
-        print_json(_report(found))
-    else:
-        _print(found)
-    return 1 if found.best.broken else 0
+    status = show(found, ("rounds", found.rounds), _settings, _UNITS, options.plot, options.json)
+    if not options.json and status == 0 and found.best.cost < 1.0:
+        best = found.best
+        words = f"--pole {best.pole:g} --observer {best.observer:g} --speed {best.speed:g}"
+        print(f"`dtwin upload arm {words} --why WHY` gives them to a running arm")
+    return status
 
 
 def _objective(settings: ChainSettings, options: Any, weights: Mapping[str, float]) -> ArmObjective:
@@ -79,37 +73,9 @@ def _objective(settings: ChainSettings, options: Any, weights: Mapping[str, floa
     return ArmObjective(settings, dict(weights), limits, machines, loads)
 
 
-def _report(found: ArmOptimum) -> dict[str, Any]:
+def _settings(score: ArmScore) -> dict[str, str]:
     return {
-        "best": msgspec.to_builtins(found.best),
-        "reference": msgspec.to_builtins(found.reference),
-        "front": [msgspec.to_builtins(each) for each in found.front("time", "tracking")],
-        "candidates": len(found.scores),
-        "rounds": found.rounds,
-        "seconds": found.seconds,
-        "rounds_per_second": found.rounds / found.seconds,
+        "pole, rad/s": f"{score.pole:g}",
+        "observer, rad/s": f"{score.observer:g}",
+        "speed, of the data sheet's": f"{score.speed:g}",
     }
-
-
-def _print(found: ArmOptimum) -> None:
-    best, reference = found.best, found.reference
-    if best.broken:
-        print(f"no candidate keeps all limits; the best breaks that of {best.broken}")
-        return
-    better = best.cost < 1.0
-    title = "settings of least cost" if better else "nothing better than the settings in use"
-    table = Table("", "in use", "found", title=title)
-    table.add_row("pole, rad/s", f"{reference.pole:g}", f"{best.pole:g}")
-    table.add_row("observer, rad/s", f"{reference.observer:g}", f"{best.observer:g}")
-    table.add_row("speed, of the data sheet's", f"{reference.speed:g}", f"{best.speed:g}")
-    for name, unit in _UNITS.items():
-        table.add_row(f"{name}, {unit}", f"{reference.terms[name]:.4g}", f"{best.terms[name]:.4g}")
-    table.add_row("cost", f"{reference.cost:.4f}", f"{best.cost:.4f}")
-    print_table(table)
-    rate = found.rounds / found.seconds
-    print(
-        f"{len(found.scores)} candidates, {found.rounds} rounds in {found.seconds:.1f} s: {rate:.0f} rounds a second"
-    )
-    if better:
-        words = f"--pole {best.pole:g} --observer {best.observer:g} --speed {best.speed:g}"
-        print(f"`dtwin upload arm {words} --why WHY` gives them to a running arm")

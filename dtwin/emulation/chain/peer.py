@@ -9,9 +9,6 @@ sensors.
 
 from __future__ import annotations
 
-import contextlib
-import io
-import logging
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -22,7 +19,7 @@ import numpy as np
 
 from dtwin.arm.chain import Arm, Array, steiner
 from dtwin.emulation.chain.model import LOAD, chain_spec
-from dtwin.emulation.peer import is_installed
+from dtwin.emulation.peer import is_installed, quiet
 from dtwin.errors import DtwinError
 
 _EVALUATIONS: Final = 40
@@ -108,12 +105,9 @@ def fit_chain(arm: Arm, dt: float, motions: Sequence[Posed]) -> ChainPeerFit:
     residual = sysid.build_residual_fn(
         models_sequences=sequences, custom_rollout=_Inverse(motions), modify_residual=transform.apply, n_threads=1
     )
-    level = logging.getLogger().level
-    logging.getLogger().setLevel(logging.ERROR)
     try:
         began = time.perf_counter()
-        # Its optimiser prints whatever `verbose` says.
-        with contextlib.redirect_stdout(io.StringIO()):
+        with quiet():
             found, _ = sysid.optimize(
                 parameters,
                 residual,
@@ -128,8 +122,6 @@ def fit_chain(arm: Arm, dt: float, motions: Sequence[Posed]) -> ChainPeerFit:
     except (ValueError, ArithmeticError, RuntimeError, mujoco.FatalError) as error:
         said = (str(error).splitlines() or [""])[0]
         raise DtwinError(f"mujoco.sysid ended with an error: {said or type(error).__name__}") from error
-    finally:
-        logging.getLogger().setLevel(level)
     offset = np.array([found[f"{joint.name} offset"].value[0] for joint in arm.joints])
     sizes = _size(residual, parameters, len(arm)), _size(residual, found, len(arm))
     return ChainPeerFit(arm, sysid.apply_param_modifiers(found, spec), offset, seconds, sizes)

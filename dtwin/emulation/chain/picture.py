@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from dtwin.arm.chain import Arm, Array
 from dtwin.emulation.chain.geometry import Geometry
-from dtwin.emulation.picture import renderer_of
+from dtwin.emulation.picture import Rendering, renderer_of
 
 VIEWS: Final[dict[str, tuple[float, float]]] = {
     "overview": (125.0, -20.0),
@@ -26,7 +26,7 @@ _ROOM: Final = 0.75
 _AMBIENT, _DIFFUSE = 0.3, 0.35
 
 
-class ChainStudio:
+class ChainStudio(Rendering):
     """Takes pictures of an arm; to be closed, or used as a context.
 
     Args:
@@ -48,16 +48,6 @@ class ChainStudio:
         light = self._geometry.model.vis.headlight
         light.ambient, light.diffuse = (_AMBIENT,) * 3, (_DIFFUSE,) * 3
         self._renderer = renderer_of(self._geometry.model, width, height)
-
-    def __enter__(self) -> ChainStudio:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Gives the memory of the pictures back."""
-        self._renderer.close()
 
     def picture(self, q: Array) -> NDArray[np.uint8]:
         """A picture of the arm at joint positions (n,): red, green and blue, (height, width, 3)."""

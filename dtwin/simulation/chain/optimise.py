@@ -29,7 +29,7 @@ from dtwin.simulation.chain.simulator import ArmSimulator
 from dtwin.simulation.chain.whatif import ArmChange, ArmOutcome
 from dtwin.simulation.figures import SETTLED_BAND, SETTLED_SHARE
 from dtwin.simulation.objective import SETTLING, UNUSABLE
-from dtwin.simulation.optimise import evolve, first_generation, front_of
+from dtwin.simulation.optimise import Found, evolve, first_generation
 
 TERMS: Final = ("time", "tracking", "energy", "command")
 """Terms of the cost: time until the arm has settled in the last pose (s), largest distance of a joint from its path
@@ -114,29 +114,13 @@ class ArmScore(msgspec.Struct, frozen=True):
 
 
 @dataclass(frozen=True, slots=True)
-class ArmOptimum:
-    """The result of a search.
-
-    Attributes:
-        best: evaluation of the candidate of least cost.
-        reference: evaluation of the settings in use.
-        scores: evaluations of all candidates in the order of their generations.
-        seconds: wall time of the search, s.
-    """
-
-    best: ArmScore
-    reference: ArmScore
-    scores: tuple[ArmScore, ...]
-    seconds: float
+class ArmOptimum(Found[ArmScore]):
+    """The result of a search for an arm."""
 
     @property
     def rounds(self) -> int:
         """Number of times that the twin went through the poses in all."""
         return sum(each.rounds for each in self.scores)
-
-    def front(self, *terms: str) -> list[ArmScore]:
-        """The Pareto front of the usable candidates in the given terms, ordered by the first term."""
-        return front_of(self.scores, *terms)
 
 
 def optimise_arm(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import io
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -23,7 +22,7 @@ from dtwin.run.chain import EFFORTS, ChainRun
 from dtwin.view import style
 from dtwin.view.layout import plot_view, reach, whole_time
 from dtwin.view.saving import saving
-from dtwin.view.series import TIMELINE, time_column
+from dtwin.view.series import TIMELINE, send_lines, stream_of, time_column
 
 ROOT: Final = "arm"
 JOINTS: Final = "joints"
@@ -49,22 +48,13 @@ def write_chain_recording(run: ChainRun, path: Path) -> None:
     if not len(run.t):
         raise RecordingError(f"{path}: expected a run of at least one tick to draw")
     geometry = Geometry(run.settings.arm)
-    stream = _stream(run)
+    notes = f"{run.settings.arm.name} {run.settings.machine.name}".encode()
+    stream = stream_of(notes, (run.t, run.q, run.target, run.command, run.true, run.places))
     with saving(stream, path, _layout(run, geometry)):
         _log_arm(stream, run, geometry)
         _log_series(stream, run)
         if run.settings.sorting is not None:
             _log_boxes(stream, run, run.settings.sorting)
-
-
-def _stream(run: ChainRun) -> rr.RecordingStream:
-    digest = hashlib.blake2b(f"{run.settings.arm.name} {run.settings.machine.name}".encode(), digest_size=16)
-    for values in (run.t, run.q, run.target, run.command, run.true, run.places):
-        digest.update(np.ascontiguousarray(values).tobytes())
-    stream = rr.RecordingStream("dtwin", recording_id=digest.hexdigest(), send_properties=False)
-    stream.set_log_tick_enabled(False)
-    stream.set_log_time_enabled(False)
-    return stream
 
 
 def _log_arm(stream: rr.RecordingStream, run: ChainRun, geometry: Geometry) -> None:
@@ -111,10 +101,8 @@ def _names(arm: Arm) -> list[str]:
 
 def _log_series(stream: rr.RecordingStream, run: ChainRun) -> None:
     times = time_column(run.t)
-    for entity, names, colours, width, values in _lines(run):
-        lines = rr.SeriesLines(names=names, colors=colours, widths=[width] * len(names))
-        stream.log(entity, lines, static=True)
-        stream.send_columns(entity, indexes=[times], columns=rr.Scalars.columns(scalars=values))
+    for line in _lines(run):
+        send_lines(stream, times, *line)
 
 
 def _log_boxes(stream: rr.RecordingStream, run: ChainRun, task: Sorting) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +16,7 @@ from dtwin.errors import RecordingError
 from dtwin.view import style
 from dtwin.view.layout import lanes_view, plot_view, whole_range, whole_time
 from dtwin.view.saving import saving
-from dtwin.view.series import EVENTS, TIMELINE, time_column
+from dtwin.view.series import EVENTS, TIMELINE, send_lines, stream_of, time_column
 
 Array = NDArray[np.float64]
 
@@ -130,7 +129,8 @@ def write_line_recording(course: LineCourse, path: Path) -> None:
     """
     if not len(course.times):
         raise RecordingError(f"{path}: expected a run of at least one look at the line to draw")
-    stream = _stream(course)
+    drawn = (course.times, course.stations, course.phases, course.positions, course.rate)
+    stream = stream_of(course.name.encode(), drawn)
     with saving(stream, path, _layout(course)):
         _log_track(stream, course)
         _log_stations(stream, course)
@@ -138,16 +138,6 @@ def write_line_recording(course: LineCourse, path: Path) -> None:
         _log_boxes(stream, course)
         _log_series(stream, course)
         _log_decisions(stream, course)
-
-
-def _stream(course: LineCourse) -> rr.RecordingStream:
-    digest = hashlib.blake2b(course.name.encode(), digest_size=16)
-    for values in (course.times, course.stations, course.phases, course.positions, course.rate):
-        digest.update(np.ascontiguousarray(values).tobytes())
-    stream = rr.RecordingStream("dtwin", recording_id=digest.hexdigest(), send_properties=False)
-    stream.set_log_tick_enabled(False)
-    stream.set_log_time_enabled(False)
-    return stream
 
 
 def _log_track(stream: rr.RecordingStream, course: LineCourse) -> None:
@@ -239,9 +229,7 @@ def _log_series(stream: rr.RecordingStream, course: LineCourse) -> None:
         BOXES: ("boxes in the line", style.JOINTS[1], np.array([len(row.done) for row in course.boxes], float)),
     }
     for entity, (name, colour, values) in lines.items():
-        stream.log(entity, rr.SeriesLines(names=[name], colors=[colour], widths=[2.0]), static=True)
-        columns = rr.Scalars.columns(scalars=values)
-        stream.send_columns(entity, indexes=[time_column(course.times)], columns=columns)
+        send_lines(stream, time_column(course.times), entity, [name], [colour], 2.0, values)
 
 
 def _log_lane(
