@@ -19,7 +19,7 @@ TUNED: Final = (
     *(*range(94001, 94009), *range(98001, 98009)),
     *(*range(91901, 91907), *range(92101, 92125), *range(92301, 92321), *range(93001, 93011)),
     *(9401, 9402, 880000, 880001, 880200, *range(880410, 880415), *range(880420, 880425), 880500, 880501),
-    *(880440, 880441, *range(881000, 881004)),
+    *(880440, 880441, *range(881000, 881004), *range(882000, 882003), *range(884000, 884003)),
 )
 """Numbers of the machines that identification, monitoring and recovery were tuned on, or mended after a look at."""
 
