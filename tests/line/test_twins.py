@@ -11,6 +11,7 @@ from dtwin.line.line import Assignment, Line
 from dtwin.line.run import LineRun, LineSettings
 from dtwin.line.twins.ability import Capability
 from dtwin.line.twins.decisions import Decision
+from dtwin.line.twins.forward import SOON
 from dtwin.line.twins.node import NodeTwin
 from dtwin.line.twins.overall import Choice, OverallTwin, predicted
 from dtwin.line.twins.rehearsal import rehearsed
@@ -135,6 +136,30 @@ def test_a_new_set_up_is_looked_at_again_for_an_hour_ahead() -> None:
     time += 1000.0
     work.retry()
     assert len(in_force) == 3, "a third look is the last one"
+
+
+@pytest.mark.parametrize("seconds", [3, 30])
+def test_zones_that_refuse_what_is_best_have_a_moment_until_the_next_best_is_done(seconds: int) -> None:
+    zones = [Told(LINE, 0, {1: 150.0, 2: 140.0, 3: 60.0}), Told(LINE, 1, {1: 150.0, 2: 130.0, 3: 60.0}, "b2")]
+    time, decided, asked = 100.0, list[Decision](), list[Assignment]()
+
+    def set_up(way: Assignment) -> bool:
+        asked.append(dict(way))
+        return way != asked[0] or time >= 100.0 + seconds
+
+    work = Reorganisation(LINE, "act", zones, Doors(set_up, lambda: time, decided.append))
+    work.reconsider("b2 can do nothing", "b2")
+    assert work.version == 0
+    while work.version == 0 and time < 120.0:
+        time += 1.0
+        work.retry()
+    assert time == (103.0 if seconds == 3 else 100.0 + SOON)
+    assert (work.assignment == asked[0]) == (seconds == 3)
+    assert [each.what for each in decided] == ["set-up"]
+    version = work.version
+    time += 1.0
+    work.retry()
+    assert work.version == version, "what was taken is not asked for again"
 
 
 @pytest.mark.parametrize(("first", "count"), [(Charging, 2), (Told, 1)])

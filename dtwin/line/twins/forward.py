@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
+from typing import Final
 
 from dtwin.bus.line.plant import Passing
 from dtwin.line.control import Control, Devices, Exchange, OneResource
@@ -16,6 +17,11 @@ from dtwin.line.line import CYCLE, Assignment, Line
 from dtwin.line.plant import Plant
 from dtwin.line.situation import Situation
 from dtwin.line.station import Station, TimedStation, WorkTimes
+
+SOON: Final = 5.0
+"""Time in which zones have to take a set-up, s: they refuse one for as long as a box is where it could not leave."""
+_AGAIN: Final = 10
+"""Cycles from one attempt to set the line up to the next: a second."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +52,7 @@ class Forward:
         self._blocks: Exchange = (Devices if devices else OneResource)(line)
 
     def left(self, now: Situation, change: Change, horizon: float) -> Passing | None:
-        """Boxes that leave the line until a horizon, s from now; None if its zones refuse the change."""
+        """Boxes that leave the line until a horizon, s from now; None if its zones do not take the change SOON."""
         return self._left(range(len(self._line.zones)), now, change, horizon, ())
 
     def left_zone(
@@ -67,12 +73,13 @@ class Forward:
     def _left(
         self, zones: Collection[int], now: Situation, change: Change, horizon: float, arrivals: Passing | None
     ) -> Passing | None:
-        started = self.started(zones, now, change)
-        if started is None:
-            return None
-        plant, control = started
-        ends = _Ends(self._line, plant, change.assignment, arrivals)
-        for _ in range(round(horizon / CYCLE)):
+        plant, control = self._resumed(zones, now, change)
+        ends, taken = _Ends(self._line, plant, change.assignment, arrivals), False
+        for cycle in range(round(horizon / CYCLE)):
+            if not taken and cycle % _AGAIN == 0:
+                taken = all(control.set_up_zone(number, change.assignment) for number in zones)
+                if not taken and cycle * CYCLE >= SOON:
+                    return None
             plant.advance()
             ends.look()
             control.step(plant)
@@ -87,6 +94,12 @@ class Forward:
             now: what the line is.
             change: what is otherwise from then on.
         """
+        plant, control = self._resumed(zones, now, change)
+        taken = all(control.set_up_zone(number, change.assignment) for number in zones)
+        return (plant, control) if taken else None
+
+    def _resumed(self, zones: Collection[int], now: Situation, change: Change) -> tuple[Plant, Control]:
+        """Plant and control that go on from what the line is, with other arms, and set up as it is."""
         line = self._line
         names = {station.name for number in zones for station in line.zones[number].stations}
         stations = {name: TimedStation(change.times[name], line.source.kind) for name in names}
@@ -100,8 +113,6 @@ class Forward:
         plant.resume(now.plant)
         control.resume(now)
         plant.active, control.stopped = tuple(zones), set(change.stopped)
-        if not all(control.set_up_zone(number, change.assignment) for number in zones):
-            return None
         return plant, control
 
 

@@ -13,6 +13,7 @@ from dtwin.bus.line.messages import FlowEffect, ZoneFlow
 from dtwin.errors import ParameterError, UnansweredError, choices
 from dtwin.line.line import Assignment, Line
 from dtwin.line.twins.decisions import Decision, Mode, Note
+from dtwin.line.twins.forward import SOON
 from dtwin.line.twins.overall import Choice, OverallTwin, Zone, changed
 from dtwin.line.twins.zone import AHEAD, HOUR
 
@@ -41,6 +42,27 @@ class Doors:
     propose: Callable[[Choice, str], None] = lambda choice, why: None
 
 
+@dataclass(frozen=True, slots=True)
+class _Wanted:
+    """What the zones refused a moment ago, and are to take soon.
+
+    Attributes:
+        choice: the work shared out otherwise.
+        until: plant time until which they have time, s.
+        because: why.
+        station: station that it is about.
+        towards: from which as little as possible shall be changed.
+        look: number of looks that were taken at the same before.
+    """
+
+    choice: Choice
+    until: float
+    because: str
+    station: str
+    towards: Assignment
+    look: int
+
+
 class Reorganisation:
     """Shares the work out, and shares it out otherwise when there is a reason.
 
@@ -60,6 +82,7 @@ class Reorganisation:
         self._overall = OverallTwin(line, zones)
         self._pending: tuple[Assignment, str, str] | None = None
         self._again: tuple[float, int, str, str] | None = None
+        self._wanted: _Wanted | None = None
         self._proposed: Assignment | None = None
         self._impossible = ""
         self.assignment: Assignment = dict(line.assignment)
@@ -69,23 +92,32 @@ class Reorganisation:
         """Lets the twins find out beforehand what every way to share the work out brings, which takes a while."""
         self._overall.choose(self.assignment)
 
-    def reconsider(self, because: str, station: str, towards: Assignment | None = None, look: int = 0) -> None:
+    def reconsider(
+        self,
+        because: str,
+        station: str,
+        towards: Assignment | None = None,
+        look: int = 0,
+        refused: Sequence[Assignment] = (),
+    ) -> None:
         """Shares the work out as is best now; what cannot be done yet is tried again with `retry`.
 
         An arm that fails is answered at once, from a short simulation; later `retry` looks at that again, for an hour
-        ahead.
+        ahead. What zones refuse first they have SOON for, as some box is often where it could not leave for a moment;
+        after that the next best is done.
 
         Args:
             because: why.
             station: station that it is about.
             towards: from which as little as possible shall be changed; what is in force if not given.
             look: number of looks that were taken at the same before.
+            refused: what zones have refused for so long.
         """
         if self._mode == "off":
             return
         now, ahead = self.assignment if towards is None else towards, HOUR if look else AHEAD
-        self._pending = self._again = None
-        refused: list[Assignment] = []
+        self._pending = self._again = self._wanted = None
+        refused = list(refused)
         while choice := (back := self._back(towards, refused)) or self._overall.choose(now, refused, ahead):
             if back is None and (look < len(LOOKS) or refused):
                 done = min(look, len(LOOKS) - 1)
@@ -98,6 +130,10 @@ class Reorganisation:
                 return
             try:
                 if self._mode == "act" and not self._doors.set_up(choice.assignment):
+                    if not refused:
+                        until = self._doors.clock() + SOON
+                        self._wanted = _Wanted(choice, until, because, station, now, look)
+                        return
                     refused.append(choice.assignment)
                     continue
             except UnansweredError:
@@ -123,12 +159,27 @@ class Reorganisation:
 
     def retry(self) -> None:
         """Tries again what could not be done, if anything, or takes another look at what was done."""
-        if self._pending is not None:
+        if self._wanted is not None:
+            self._insist(self._wanted)
+        elif self._pending is not None:
             now, because, station = self._pending
             self.reconsider(because, station, now)
         elif self._again is not None and self._again[0] <= self._doors.clock():
             _, look, because, station = self._again
             self.reconsider(because, station, look=look)
+
+    def _insist(self, wanted: _Wanted) -> None:
+        """Has the zones take what they refused, or looks for the next best once they have had their time."""
+        try:
+            taken = self._doors.set_up(wanted.choice.assignment)
+        except UnansweredError:
+            return
+        if taken:
+            self._wanted = None
+            self._adopt(wanted.choice, wanted.because, wanted.station)
+        elif self._doors.clock() >= wanted.until:
+            refused = [wanted.choice.assignment]
+            self.reconsider(wanted.because, wanted.station, wanted.towards, wanted.look, refused)
 
     def adopt(self, assignment: Assignment, version: int) -> None:
         """Takes note of a set-up that came into force without this twin."""
@@ -198,7 +249,7 @@ class Reorganisation:
         effect = self.effect(changes)
         if not self._doors.set_up(effect.set_up):
             raise ParameterError("set-up: a zone refuses it, because boxes could not leave then that can leave now")
-        self._pending = None
+        self._pending = self._wanted = None
         self.assignment = effect.set_up
         self.version += 1
         self._decide(who, "set-up", why, "", effect.set_up, effect.rate)
