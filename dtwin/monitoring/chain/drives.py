@@ -122,6 +122,7 @@ class Drives:
             RecordingError: it is shorter than the filter.
         """
         effort, held = self._holding.follow(samples.effort, samples.acting)
+        effort = driven(effort)
         learned = filtered(self._arm, samples.t, samples.q, effort, held)
         self.carries = bool((learned.known & (learned.held > 0)).any())
         self.expected.learn(learned)
@@ -160,7 +161,7 @@ class Drives:
     def follow(self, new: Samples) -> ChainFinding | None:
         """Takes further samples; the cause once SOON has passed since the first evidence, and again after LATER."""
         effort, held = self._holding.follow(new.effort, new.acting)
-        made = self._rows.follow(new.t, new.q, effort if self.carries else new.effort, held)
+        made = self._rows.follow(new.t, new.q, driven(effort if self.carries else new.effort), held)
         if not made:
             return None
         self._count += made
@@ -254,6 +255,11 @@ class Drives:
             ]
             self._most = []
         return False
+
+
+def driven(effort: Array) -> Array:
+    """What acts, (N, n), NaN where no drive gives anything: brakes hold the arm then, and nothing tells of drives."""
+    return np.where((effort == 0.0).all(axis=1)[:, None], np.nan, effort)
 
 
 def named(evidence: Evidence, first: int, alarm: int, last: int, alike: float, time: float) -> ChainFinding:

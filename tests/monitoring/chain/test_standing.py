@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from dtwin.arm.samples import Samples
 from dtwin.emulation.chain.faults import parse_chain_fault
 from dtwin.monitoring.chain.drives import Drives
 from dtwin.monitoring.chain.learning import acquainted
@@ -43,3 +44,14 @@ def test_nothing_is_told_where_nobody_knows_what_acted_or_the_reading_has_just_s
     late, soon = slice(end + AFTER - PAST, end + AFTER), slice(end + 8 - PAST, end + 8)
     for rows, effort in ((late, np.full_like(ran.effort, np.nan)), (soon, ran.effort)):
         assert standing(SETTINGS.arm, drives.expected, ran.q[rows], effort[rows], 1, NEAR) is None
+
+
+@pytest.mark.parametrize(("given", "alarmed"), [(0.0, False), (1e-9, True)])
+def test_an_arm_that_brakes_take_hold_of_tells_nothing_of_its_drives(given: float, alarmed: bool) -> None:
+    healthy = acquainted(SETTINGS.arm, run(SETTINGS).samples, 30.0)
+    assert healthy.drives is not None
+    healthy.drives.forget()
+    t = np.asarray(healthy.time + SETTINGS.arm.period * np.arange(1.0, 301.0), dtype=np.float64)
+    slow, nothing = np.array([0.3, 0.4]) + 0.2 * (t - t[0])[:, None], np.full((300, 2), given)
+    healthy.drives.follow(Samples(t, slow, slow, nothing, nothing))
+    assert (healthy.drives.alarm is not None) == alarmed, "with so little from its drives an arm would fall"
