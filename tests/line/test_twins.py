@@ -3,18 +3,20 @@
 import itertools
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from dtwin.bus.line.plant import FlowQuestion, SetUpFlow
 from dtwin.line.file import line_of
 from dtwin.line.line import Assignment, Line
 from dtwin.line.run import LineRun, LineSettings
+from dtwin.line.station import FREE, EmulatedStation
 from dtwin.line.twins.ability import Capability
 from dtwin.line.twins.decisions import Decision
 from dtwin.line.twins.forward import SOON
 from dtwin.line.twins.node import NodeTwin
 from dtwin.line.twins.overall import Choice, OverallTwin, predicted
-from dtwin.line.twins.rehearsal import rehearsed
+from dtwin.line.twins.rehearsal import AWAY, expected_deviation, rehearsed
 from dtwin.line.twins.reorganisation import LOOKS, Doors, Reorganisation
 from dtwin.line.twins.zone import AHEAD, HOUR, ZoneTwin, best_first
 from dtwin.monitoring.kinds import parse_fault_id
@@ -220,6 +222,27 @@ def test_a_rehearsal_takes_as_long_as_the_arm_does() -> None:
     assert 0.4 < times.grip < 0.6
     assert all(2.5 < time < 4.0 for time in times.carry.values())
     assert all(2.0 < time < 4.0 for time in times.back.values())
+
+
+def test_an_arm_that_is_farther_from_its_path_than_a_healthy_one_is_looked_into(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(NodeTwin, "judged", lambda node, *_: node.capability)
+    source = replace(LINE.source, lightest=0.1, masses=(0.1, 0.21))
+    station, twin = EmulatedStation(replace(PLAN, faults=("K2*=0.75@80",))), NodeTwin(PLAN, source)
+    told, since = list[str](), (5000, 6500, 8200)
+    for ticks in since:
+        station.advance(ticks - len(station.log))
+        station.give("bring", 0.1, "blue")
+        for _ in range(16):
+            report = station.advance(50)
+            told += [found.text() for found in twin.watch(station.log, report.arm, mass=0.1)]
+        assert report.arm == FREE
+    seen = station.log.since(0)
+    away, begins = np.abs(seen.stack("target") - seen.stack("measured")), since[2]
+    assert (away[5000:8000].max(axis=0) <= 1.01 * expected_deviation(PLAN, (0.1, 0.2))).all()
+    assert (away[begins:].max(axis=0) <= AWAY).all()
+    assert [text.partition(",")[0] for text in told] == ["voltage constant of joint 2"]
 
 
 @pytest.mark.thorough

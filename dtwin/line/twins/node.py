@@ -14,7 +14,7 @@ from dtwin.bus.line.plant import ArmSettings, Settings
 from dtwin.line.line import Source, StationPlan
 from dtwin.line.station import FREE, WorkTimes, believed_settings
 from dtwin.line.twins.ability import Boxes, Capability, Trials
-from dtwin.line.twins.rehearsal import AWAY, rehearsed, rehearsed_anew
+from dtwin.line.twins.rehearsal import expected_deviation, rehearsed, rehearsed_anew
 from dtwin.line.twins.tried import SETTLED, Tried
 from dtwin.line.twins.work import MeasuredWork
 from dtwin.logs.collecting import RunLog, Tail
@@ -128,12 +128,19 @@ class Scrutiny:
         for row, mass in self._weighed:
             begin = min(max(row - first, 0), len(seen))
             seen.feed(monitor, done, begin)
-            monitor.estimator.box_mass = mass
+            _expect_boxes(monitor, mass)
             done = begin
         seen.feed(monitor, done, len(seen))
         found = monitor.history[self._told :]
         self._told += len(found)
         return found
+
+
+def _expect_boxes(monitor: Monitor, mass: float) -> None:
+    """Has a monitor expect boxes of a mass (kg), also when its estimate starts anew."""
+    tuning = replace(monitor.settings.tuning, box_mass=mass)
+    monitor.settings = replace(monitor.settings, tuning=tuning)
+    monitor.estimator.tuning, monitor.estimator.box_mass = tuning, mass
 
 
 class NodeTwin:
@@ -157,7 +164,7 @@ class NodeTwin:
         self._known = False
         self._settings: ArmSettings | None = None
         self.rests = False
-        self._tried = Tried()
+        self._tried = self._untried()
 
     def _believed(self, arm: ArmParameters) -> Belief:
         """What is believed of the arm, taken to be one with these parameters."""
@@ -178,6 +185,9 @@ class NodeTwin:
         """How long its work takes while nothing is wrong with it, as a rehearsal says."""
         return rehearsed(self.plan, self._boxes.usual)
 
+    def _untried(self) -> Tried:
+        return Tried(expected_deviation(self.plan, self._boxes.usual))
+
     def _unmeasured(self) -> MeasuredWork:
         return MeasuredWork(self._boxes.places, PERIOD)
 
@@ -189,7 +199,7 @@ class NodeTwin:
     def repaired(self) -> None:
         """The arm is as it was made to be; what it does is watched from here on."""
         self.capability, self._known, self._settings = self._boxes.all_brought(), False, None
-        self._belief, self._tried = self._believed(self._cell.arm), Tried()
+        self._belief, self._tried = self._believed(self._cell.arm), self._untried()
         self._scrutiny.end()
         self._work = self._unmeasured()
         self._from, self._suspected_until, self._busy_since = self._seen, 0, None
@@ -217,8 +227,8 @@ class NodeTwin:
     ) -> list[Finding]:
         """Looks at what the log has since the last call; returns what was found out.
 
-        The monitor is asked when the arm leaves its path, or does not finish a box for long: it takes in the samples
-        since BEFORE that, which takes a hundred times longer than to look whether there is a reason.
+        The monitor is asked when the arm is farther from its path than expected, or does not finish a box for long:
+        it takes in the samples since BEFORE that, which takes a hundred times longer than to look for a reason.
 
         Args:
             log: log of the station.
@@ -243,12 +253,12 @@ class NodeTwin:
         new = log.tail(first, self._boxes.places)
         self._measure(new, not stopped and first >= log.forgotten, self._boxes.kind(mass))
         self._busy_since = self._busy_since if arm != FREE and self._busy_since is not None else rows
-        away = np.abs(new.target - new.measured).max()
+        away = np.abs(new.target - new.measured).max(axis=0)
         late = arm != FREE and not stopped and rows - self._busy_since > LATE
-        self._tried.note(away, rows - self._from)
+        self._tried.note(float(away.max()), rows - self._from)
         path = new.target[-_STANDS:]
         self.rests = len(path) == _STANDS and float(np.ptp(path, axis=0).max()) <= _STILL
-        if rows > self._from + SETTLED and (away > AWAY or late):
+        if rows > self._from + SETTLED and (self._tried.leaves(away) or late):
             self._suspected_until = rows + AFTER
         if rows > self._suspected_until:
             self._scrutiny.end()

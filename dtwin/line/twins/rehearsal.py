@@ -12,6 +12,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from dtwin.arm.chain import Array
 from dtwin.bus.line.plant import ArmSettings, Settings
 from dtwin.controller.bounds import check_model
 from dtwin.errors import ParameterError
@@ -75,7 +76,22 @@ def rehearsed(plan: StationPlan, usual: tuple[float, ...] = ()) -> WorkTimes:
     Raises:
         DtwinError: the cell cannot be, or its arm brings no box to a place.
     """
-    return _rehearsed(known_of(plan), usual)
+    return _rehearsed(known_of(plan), usual)[0]
+
+
+def expected_deviation(plan: StationPlan, usual: tuple[float, ...] = ()) -> Array:
+    """How far each joint of the arm of a station is from its path at most while nothing is wrong with it, (3,), rad.
+
+    It is measured in the run in which `rehearsed` measures its times.
+
+    Args:
+        plan: the station, with the thesis's arm.
+        usual: mean masses of the boxes of each class, kg; empty for the usual box of its cell.
+
+    Raises:
+        DtwinError: the cell cannot be, or its arm brings no box to a place.
+    """
+    return np.array(_rehearsed(known_of(plan), usual)[1])
 
 
 def rehearsed_anew(
@@ -108,7 +124,7 @@ def known_of(plan: StationPlan) -> StationPlan:
 
 
 @lru_cache(maxsize=256)
-def _rehearsed(plan: StationPlan, usual: tuple[float, ...]) -> WorkTimes:
+def _rehearsed(plan: StationPlan, usual: tuple[float, ...]) -> tuple[WorkTimes, tuple[float, ...]]:
     station, places, middle = rehearsal(plan)
     station.advance(_START)
     rounds = {}
@@ -123,7 +139,14 @@ def _rehearsed(plan: StationPlan, usual: tuple[float, ...]) -> WorkTimes:
             station.advance(_START)
     times = times_of({place: rounds[place, 0] for place in places})
     assert times is not None
-    return replace(times, classes=_classes(rounds))
+    away = tuple(_deviation(station).tolist()) if isinstance(station, EmulatedStation) else ()
+    return replace(times, classes=_classes(rounds)), away
+
+
+def _deviation(station: EmulatedStation) -> Array:
+    """How far each joint was from its path at most since the arm had come to where boxes wait, (3,), rad."""
+    seen = station.log.since(_START)
+    return np.asarray(np.abs(seen.stack("target") - seen.stack("measured")).max(axis=0))
 
 
 def _classes(rounds: Mapping[tuple[str, int], Round]) -> dict[tuple[str, int], float]:
@@ -189,7 +212,7 @@ def _followed(plan: StationPlan, settings: ArmSettings, load: Load) -> Round | N
     station = EmulatedStation(plan, replace(usual, arm=settings.model, control=control))
     found = first_round(station, *load)
     seen = station.log.since(_START)
-    away = np.abs(seen.stack("target") - seen.stack("measured")).max()
+    away = _deviation(station).max()
     full = (np.abs(seen.stack("volts")[:, :3]) >= _FULL).any(axis=1).mean()
     return found if away <= AWAY and full <= SATURATED else None
 
