@@ -4,7 +4,7 @@ twice, and whose devices end and freeze."""
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Literal
 
@@ -17,6 +17,7 @@ from dtwin.line.line import Line
 from dtwin.line.system import RESOURCE, system
 from iec61499.library import Library
 from iec61499.mapping import resource_network
+from iec61499.model import FBNetwork
 from iec61499.runtime.communication import Channel, CommunicationPort, LocalTransport, Values
 from iec61499.runtime.resource import Resource
 
@@ -49,27 +50,30 @@ class Messages:
 
     Args:
         generator: draws which are troubled.
+        numbers: which of the values of a message are its numbers, by the device and the block that it comes to.
 
     Attributes:
         trouble: what happens to them now, None for nothing.
         share: share of them that it happens to.
-        news: number of messages so far that say something else than the one of the same event before them.
+        news: number of messages so far that say something else than the one of the same event before them, whatever
+            their numbers.
         loses: number of the one of these that is lost, -1 for none.
     """
 
-    def __init__(self, generator: np.random.Generator) -> None:
+    def __init__(self, generator: np.random.Generator, numbers: Mapping[tuple[str, str], frozenset[int]]) -> None:
         self.trouble: Trouble | None = None
         self.share = 0.0
         self.news, self.loses = 0, -1
-        self._generator = generator
+        self._generator, self._numbers = generator, numbers
         self._waiting: deque[Message] = deque()
         self._late: deque[Message] = deque()
         self._said: dict[tuple[CommunicationPort, Any], tuple[Any, ...]] = {}
 
     def send(self, message: Message) -> None:
         """Takes a message, and may lose it, tell it twice or keep it for later."""
-        values = tuple(message.values)
-        what = message.port, values[0]
+        numbers = self._numbers.get((message.device, message.port.name), frozenset())
+        values = tuple(value for k, value in enumerate(message.values) if k not in numbers)
+        what = message.port, None if 0 in numbers else values[0]
         if self._said.get(what) != values:
             self._said[what] = values
             self.news += 1
@@ -97,6 +101,25 @@ class Messages:
         self._late.clear()
 
 
+def _numbers(networks: Mapping[str, FBNetwork]) -> dict[tuple[str, str], frozenset[int]]:
+    """Which of the values that come to a block of a device are numbers of the sample from which a message follows.
+
+    By these a NEWEST_MESSAGE tells what is old, and the plant, as the last value of an answer, what it was asked.
+    """
+    found: dict[tuple[str, str], frozenset[int]] = {}
+    for device, network in networks.items():
+        counts = {f"{block.name}.NUMBER" for block in network.blocks if block.type_name == "NEWEST_MESSAGE"}
+        for block in network.blocks:
+            kind, _, sent = block.type_name.partition("_")
+            if kind == "SERVER":
+                counts.add(f"{block.name}.SD_{sent.partition('_')[0]}")
+        for connection in network.data:
+            name, _, value = connection.source.partition(".RD_")
+            if connection.destination in counts and value:
+                found[device, name] = found.get((device, name), frozenset()) | {int(value) - 1}
+    return found
+
+
 class TroubledDevices:
     """The blocks of a line, each on the resource of its device; these end and freeze.
 
@@ -113,8 +136,8 @@ class TroubledDevices:
         self._library = Library([BLOCKS])
         whole = self._library.complete(system(line))
         self.names = [device.name for device in whole.devices]
-        self.messages = Messages(generator)
         self._networks = {name: resource_network(whole, f"{name}.{RESOURCE}") for name in self.names}
+        self.messages = Messages(generator, _numbers(self._networks))
         self._servers = set(servers(line))
         self._generator = generator
         self._local = LocalTransport()

@@ -15,7 +15,7 @@ from dtwin.line.system import plant_of, system
 from evidence.line.kills import at_ports
 from evidence.line.losses import LossOutcome, LossTrial, _Run, _trouble, troubled
 from evidence.line.timed import TimedLine
-from evidence.line.troubled import TroubledDevices
+from evidence.line.troubled import Message, TroubledDevices
 from iec61499.mapping import management_address
 
 LINE = line_of("default")
@@ -125,6 +125,17 @@ def test_devices_that_begin_anew_drop_what_was_told_before() -> None:
     outcome = troubled(LossTrial("default", 501, 3, together=True))
     assert all(" messages " in told for told in outcome.told)
     assert outcome.kept
+
+
+def test_a_message_that_differs_from_the_last_one_by_its_number_alone_is_no_news() -> None:
+    run = _Run(LINE, np.random.default_rng(0))
+    messages = run.devices.messages
+    port = next(port for port in run.devices._opened["STATION_A1"] if port.name.startswith("FROM_"))
+    before, counted = messages.news, []
+    for number, mask in ((1, 3), (2, 3), (3, 1), (3, 3)):
+        messages.send(Message("STATION_A1", port, (number, mask)))
+        counted.append(messages.news - before)
+    assert counted == [1, 1, 2, 3]
 
 
 def test_equal_seeds_give_equal_troubles() -> None:
