@@ -231,11 +231,12 @@ class Settings:
         sent = wanted.inputs()
         deadline = time.monotonic() + _READ_BACK
         while True:
+            began = time.monotonic()  # what is read takes its time and may be of before, however late it comes
             found = self.in_force()
             other = wanted.differing(found) & set(names)
             if not other:
                 return found
-            if time.monotonic() > deadline:
+            if began > deadline:
                 has = {name: found.inputs()[name] for name in sorted(other)}
                 expected = {name: sent[name] for name in sorted(other)}
                 raise CommunicationError(f"the controller has {has} after an upload, expected {expected}")

@@ -8,11 +8,13 @@ import pytest
 
 from dtwin.arm.chain import Actuator, Arm, Link
 from dtwin.arm.poses import Poses
-from dtwin.controller.chain.application import Control, inputs, joint_name
-from dtwin.controller.chain.embedded import ChainController
+from dtwin.controller.chain.application import ARM, LIBRARY, STOP, TWIN, VERDICT, Control, inputs, joint_name, network
+from dtwin.controller.chain.embedded import ChainController, started_network
 from dtwin.controller.runtime import Runtime, chosen
 from dtwin.equations.rigid import inverse_dynamics, usual_inertia
 from dtwin.errors import ModelError
+from iec61499.library import Library
+from iec61499.runtime.resource import Resource
 from tests.support.chains import driven_arm
 
 NOWHERE = Control(following=1e9)
@@ -139,3 +141,30 @@ def test_an_arm_that_is_not_known_enough_is_refused(joint: dict[str, Any], words
     arm = replace(arm, joints=(replace(arm.joints[0], **joint), arm.joints[1]))
     with pytest.raises(ModelError, match=words):
         inputs(arm, np.ones(2), Control(), None)
+
+
+def test_a_sample_that_comes_with_the_answer_to_the_last_one_finds_the_stop_decided() -> None:
+    arm = driven_arm(2, 1)
+    values = inputs(arm, usual_inertia(arm), Control(following=0.02), Poses(np.array([[0.0, 0.0], [1.5, 0.3]]), 0.05))
+    samples = [(1e-4 * k, 0.0) for k in range(80)]
+    blocks, expected = ChainController(2, values), []
+    for sample in samples:
+        expected.append((*blocks.step(sample), blocks.stop))
+    resource = Resource(started_network(network(2)), Library([LIBRARY]))
+    for name, value in values.items():
+        resource.write(name, value)
+    port, answers = resource.port(ARM), list[tuple[float, float, int]]()
+
+    def answered(given: tuple[Any, ...]) -> None:
+        answers.append((given[0], given[1], resource.read(f"{STOP}.STOP")))
+        if len(answers) < len(samples):
+            port.deliver((*samples[len(answers)], 0))
+
+    port.attach(answered)
+    for server in (VERDICT, TWIN):
+        resource.port(server).attach(lambda given: None)
+    resource.start()
+    port.deliver((*samples[0], 0))
+    resource.run_until_idle()
+    assert {stop for *_, stop in expected} >= {0, 1}
+    assert answers == expected

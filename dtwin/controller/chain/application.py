@@ -211,7 +211,7 @@ def _meetings(names: list[str]) -> Iterator[_Meeting]:
             yield _Meeting(block(f"{what}_{k + 1}", comment, k + 2, row), f"{SEQUENCE}.{event}", (f"{name}.{what}",))
         comment = f"Commands of the joints up to {k + 1}"
         gathered = block(f"GATHER_{k + 1}", comment, k + 2, 4500.0)
-        yield _Meeting(gathered, f"{name}.INWARDO", (f"{ARM}.RSP", f"{SWITCH}.EI"), f"{ARM}.IND")
+        yield _Meeting(gathered, f"{name}.INWARDO", (f"{SWITCH}.EI",), f"{ARM}.IND")
 
 
 def _server(name: str, kind: str, port: int, comment: str, x: float, y: float) -> model.Block:
@@ -228,14 +228,15 @@ def _events(names: list[str]) -> Iterator[model.Connection]:
     chain += [f"{SEQUENCE}.TIMED", f"{SEQUENCE}.CNF"]
     chain += [end for name in names for end in (f"{name}.OUTWARD", f"{name}.OUTWARDO")]
     chain += [end for name in names[::-1] for end in (f"{name}.INWARD", f"{name}.INWARDO")]
-    chain += [f"{ARM}.RSP"]
+    chain += [f"{SWITCH}.EI"]
     for source, destination in zip(chain[::2], chain[1::2], strict=True):
         yield model.Connection(source, destination)
     for source, destination in (
-        (f"{names[0]}.INWARDO", f"{SWITCH}.EI"),
         (f"{SWITCH}.EO0", f"{STOP}.CHECK"),
         (f"{SWITCH}.EO1", f"{STOP}.REQ"),
         (f"{SWITCH}.EO1", f"{STOP}.CHECK"),
+        (f"{SWITCH}.EO0", f"{ARM}.RSP"),  # last: the next sample, which may come at once, is to find the stop decided
+        (f"{SWITCH}.EO1", f"{ARM}.RSP"),
         (f"{STOP}.HALT", f"{SEQUENCE}.HALT"),
         (f"{VERDICT}.IND", f"{STOP}.VERDICT"),
         (f"{STOP}.ANSWER", f"{VERDICT}.RSP"),

@@ -21,7 +21,7 @@ from dtwin.monitoring.chain.carrying import Holding
 from dtwin.monitoring.chain.expected import EVERY, WINDOW, Expected, filtered
 from dtwin.monitoring.chain.finding import ChainFinding
 from dtwin.monitoring.chain.gathering import Evidence, Gathered
-from dtwin.monitoring.chain.unknown import NOTHING
+from dtwin.monitoring.chain.unknown import NOTHING, Indices
 
 WINDOWS: Final = (10, 20, 40, 80, 160)
 """Lengths over which evidence is gathered, in filtered samples: 0.5 to 8 s at 100 Hz."""
@@ -49,6 +49,8 @@ MOST: Final = {"K": 1.0, "bias": 0.2}
 """Sizes beyond which there is no such cause: a drive loses all of its torque at most, and an encoder that is farther
 off has jumped, or what it changes is not proportional any more. Only a smaller one is evidence, and told as what
 samples would have shown."""
+LONG: Final = 6
+"""Filtered samples that a push lasts at least for those at its ends to be told from those between."""
 SURE: Final = 0.05
 """Probability beside the most probable cause above which another one is named with it."""
 ALIKE: Final = 0.9
@@ -287,8 +289,11 @@ def named(evidence: Evidence, first: int, alarm: int, last: int, alike: float, t
         better = ratio[best] > odds
         odds, sizes = np.where(better, ratio[best], odds), np.where(better, size[best], sizes)
         acts[better] = np.column_stack([np.full(len(odds), begin), ends[best[0]]])[better]
+    odds, sizes, more = _with_ends(evidence, odds, sizes, acts, (first, last))
     most = int(odds.argmax())
-    left = evidence.left(most, float(sizes[most]), (int(acts[most, 0]), int(acts[most, 1])), (first, last))
+    left = (
+        evidence.left(most, float(sizes[most]), (int(acts[most, 0]), int(acts[most, 1])), (first, last)) - more[most]
+    )
     spread = alike * max(1.0, left / ((last - first) * evidence.columns.shape[1]))
     prior = np.array([_likely(name, float(size)) for name, size in zip(evidence.names, sizes, strict=True)])
     with np.errstate(divide="ignore"):  # what cannot be, such as a drive that lost more than all, is never named
@@ -301,6 +306,23 @@ def named(evidence: Evidence, first: int, alarm: int, last: int, alike: float, t
     if cause.startswith("K") and found > LOST:
         others = (f"lock{cause[1:]}", *others)
     return ChainFinding(time, cause, found, others, float(share[order[0]] / share.sum()))
+
+
+def _with_ends(
+    evidence: Evidence, odds: Array, sizes: Array, acts: Indices, samples: tuple[int, int]
+) -> tuple[Array, Array, Array]:
+    """Ratios and sizes of the causes, (c,), with the samples at the ends of pushes free, and what these add, (c,).
+
+    Each of them has to explain what is evidence at all, since it may have any size.
+    """
+    odds, sizes, more = odds.copy(), sizes.copy(), np.zeros(len(odds))
+    for k, name in enumerate(evidence.names):
+        begin, end = (int(row) for row in acts[k])
+        if name.startswith("push") and end - begin >= LONG:
+            gain, size = evidence.edged(k, (begin, end), samples)
+            if gain > 4 * LEAST:
+                odds[k], sizes[k], more[k] = odds[k] + gain - 4 * LEAST, size, gain
+    return odds, sizes, more
 
 
 def _likely(name: str, size: float) -> float:

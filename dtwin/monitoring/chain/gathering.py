@@ -69,6 +69,34 @@ class Evidence:
             rest = without(self.part[:last], self.starts[self.starts < last], rest[:, :, None])[:, :, 0]
         return float(np.sum(rest[first:] ** 2))
 
+    def edged(self, cause: int, acts: tuple[int, int], samples: tuple[int, int]) -> tuple[float, float]:
+        """A cause that begins and ends within filtered samples, each of which then has a part of it alone.
+
+        Args:
+            cause: its number.
+            acts: its first sample, and the one after its last.
+            samples: those that count alike.
+
+        Returns:
+            how much more of the square of the innovation it explains, beside unknown loads, with the samples at its
+            ends free, and its size between.
+        """
+        (first, last), (begin, end) = samples, acts
+        ends = [row for row in (begin - 1, begin, end - 1, end) if first <= row < last]
+        acting = np.zeros((last, 3 + len(ends)))
+        acting[:, 0] = 1.0  # the innovation
+        acting[begin:end, 1] = 1.0
+        acting[begin + 1 : end - 1, 2] = 1.0
+        acting[ends, np.arange(3, 3 + len(ends))] = 1.0
+        columns = self.columns[:last, :, [-1] + [cause] * (2 + len(ends))] * acting[:, None, :]
+        if self.shared is not None:
+            columns = without(self.part[:last], self.starts[self.starts < last], columns)
+        innovation, whole, *free = columns[first:].reshape(-1, columns.shape[2]).T
+        explained = float(innovation @ whole) ** 2 / max(float(whole @ whole), NOTHING)
+        parts = np.array(free).T
+        sizes = np.linalg.lstsq(parts, innovation)[0]
+        return float(innovation @ parts @ sizes) - explained, float(sizes[0])
+
     def seen(self, first: int, last: int) -> Array:
         """Square of what a unit of each cause adds to samples beside unknown loads, (c,)."""
         power = self._sums(first, last)[1][:-1]

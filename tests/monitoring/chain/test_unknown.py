@@ -1,8 +1,10 @@
 """Loads that nobody has weighed explain what least squares with all of them beside a cause would say."""
 
 import numpy as np
+import pytest
 
 from dtwin.arm.chain import Array
+from dtwin.monitoring.chain.drives import named
 from dtwin.monitoring.chain.gathering import Evidence
 from dtwin.monitoring.chain.unknown import Shared, starts_of
 
@@ -46,6 +48,43 @@ def test_what_a_cause_and_unknown_loads_leave_is_what_least_squares_leave() -> N
         rest = (rest - rows @ np.linalg.lstsq(rows, rest, rcond=None)[0]).reshape(-1, 2)
         expected = float(np.sum(rest[first:] ** 2))
         np.testing.assert_allclose(told.left(1, 0.7, (begin, end), (first, last)), expected, rtol=1e-9)
+
+
+def test_a_cause_whose_ends_are_free_explains_beside_unknown_loads_what_least_squares_do() -> None:
+    told = evidence()
+    for first, begin, end, last in ((0, 4, 30, 30), (12, 14, 28, 40), (3, 3, 48, 48)):
+        loads = [np.where(np.equal(number, HELD)[:, None], PART, 0.0)[:last].ravel() for number in (1, 2, 3)]
+        base = np.linalg.qr(np.stack([each for each in loads if each.any()], axis=1))[0]
+
+        def part(*rows: int, base: Array = base, last: int = last) -> Array:
+            column: Array = np.zeros((last, 2))
+            column[list(rows)] = CAUSES[list(rows), :, 1]
+            return column.ravel() - base @ (base.T @ column.ravel())
+
+        ends = [row for row in (begin - 1, begin, end - 1, end) if first <= row < last]
+        free = np.stack([part(*range(begin + 1, end - 1)), *map(part, ends)], axis=1)
+        left = INNOVATION[:last].ravel() - base @ (base.T @ INNOVATION[:last].ravel())
+        left, free, whole = left[2 * first :], free[2 * first :], part(*range(begin, end))[2 * first :]
+        sizes = np.linalg.lstsq(free, left, rcond=None)[0]
+        gain = float(np.sum((left - whole * (whole @ left) / (whole @ whole)) ** 2 - (left - free @ sizes) ** 2))
+        np.testing.assert_allclose(told.edged(1, (begin, end), (first, last)), (gain, sizes[0]), rtol=1e-9)
+
+
+def test_a_push_that_begins_and_ends_within_a_filtered_sample_is_no_weaker_drive() -> None:
+    push = np.full(60, -90.0)
+    drive = np.concatenate([np.linspace(20.0, 40.0, 4), [100.0], np.linspace(220.0, 180.0, 9), [130.0], np.zeros(45)])
+    acts = np.zeros(60)
+    acts[5:14], acts[4], acts[14] = 1.0, 0.5, 0.7
+    causes = np.stack([drive, push, -1.9 * push * acts], axis=1)[:, None, :]
+    rows = np.einsum("nj,njc->nc", causes[:, :, 2], causes), np.einsum("njc,njc->nc", causes, causes)
+    along, power = (np.vstack([np.zeros((1, 3)), np.cumsum(each, axis=0)]) for each in rows)
+    told = Evidence(
+        ("K1", "push1"), along, power, causes, np.zeros((60, 1)), starts_of(np.zeros(60, dtype=int)), None
+    )
+    assert told.between(4, 60)[0][0] > max(told.between(5, 14)[0][1], told.between(4, 15)[0][1])
+    found = named(told, 0, 6, 60, 1.0, 0.0)
+    assert (found.cause, found.others) == ("push1", ())
+    assert found.size == pytest.approx(-1.9)
 
 
 def test_causes_beside_unknown_loads_are_those_of_least_squares() -> None:
