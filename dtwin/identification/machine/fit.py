@@ -11,7 +11,8 @@ import numpy as np
 from dtwin.identification.data import Array, Experiment
 from dtwin.identification.estimation.problem import Prior
 from dtwin.identification.estimation.solver import Minimum, minimise
-from dtwin.identification.machine.problem import FARTHEST, MachineProblem
+from dtwin.identification.machine.problem import FARTHEST, RANGE, MachineProblem
+from dtwin.twin.effects import EFFECT_NAMES
 
 _FIRST_NOISE: Final = 5e-3
 """What no model explains, before anything is known of it, rad."""
@@ -29,6 +30,8 @@ _STAND_IN: Final = {"rotor_inertia": 1.8, "stiction": 1.6}
 """Further factors for what stands in for the play and the elasticity of gears and for how friction falls with
 velocity, which the model lacks: root mean squares, in standard deviations, of the errors of the machines 501 to 506,
 620 to 625, 815 and 961 to 966."""
+TOLD: Final = 0.6
+"""Standard deviation of a number, relative to that of the data sheet, below which the data tell it."""
 _ROUNDING: Final = 1e-9
 _FAR: Final = 3.0
 """Standard deviations beyond which a residual counts less (Huber, Robust Statistics, 1981): spikes, lost samples."""
@@ -64,15 +67,34 @@ class MachineFit:
     @property
     def at_edge(self) -> tuple[str, ...]:
         """Names of the numbers that would fit better still farther from the data sheet than they may be."""
-        free = len(self.problem.free)
-        away = np.abs(self.x[:free] - self.problem.start()[:free])
-        return tuple(name for name, far in zip(self.problem.free, away, strict=True) if far > FARTHEST - _ROUNDING)
+        return self._beyond(FARTHEST - _ROUNDING)
+
+    @property
+    def told(self) -> tuple[str, ...]:
+        """Names of the numbers that the data tell; of the others the data sheet tells nearly all that is known."""
+        priors = self.problem.priors
+        return tuple(name for name, sure in self.deviations.items() if sure < TOLD * priors[name].deviation)
+
+    @property
+    def strays(self) -> tuple[str, ...]:
+        """Names of the effects that have left the range of the data sheet although the data do not tell them.
+
+        Nothing but what the model lacks has moved these. Parameters are none of them: one at the edge says that
+        voltages or angles are to another scale.
+        """
+        return tuple(n for n in self._beyond(RANGE + _ROUNDING) if n in EFFECT_NAMES and n not in self.told)
 
     @property
     def values(self) -> dict[str, float]:
         """The free numbers by name."""
         free = self.problem.free
         return dict(zip(free, (self.x[: len(free)] * self.problem.scale).tolist(), strict=True))
+
+    def _beyond(self, distance: float) -> tuple[str, ...]:
+        """Names of the numbers farther than so many standard deviations from the expectations of their priors."""
+        free = len(self.problem.free)
+        away = np.abs(self.x[:free] - self.problem.start()[:free])
+        return tuple(name for name, far in zip(self.problem.free, away, strict=True) if far > distance)
 
 
 def fit_machine(
@@ -83,6 +105,7 @@ def fit_machine(
     progress: Callable[[str], None] = lambda text: None,
     before: MachineFit | None = None,
     start: Mapping[str, float] | None = None,
+    kept: frozenset[str] = frozenset(),
 ) -> MachineFit:
     """Fits a machine to segments of motion.
 
@@ -94,12 +117,13 @@ def fit_machine(
         progress: is told in words how far the search is.
         before: a fit of the same segments at which the search begins, instead of what is expected and measured.
         start: values of free numbers at which it begins, whatever they were before.
+        kept: names of the free numbers that are kept within the range of the data sheet.
 
     Raises:
         IdentificationError: the twin diverges at the start.
         ParameterError: a name is unknown or has no prior.
     """
-    problem = MachineProblem(tuple(segments), tuple(free), fixed, priors)
+    problem = MachineProblem(tuple(segments), tuple(free), fixed, priors, kept)
     x, noise = problem.start(), np.full(3, _FIRST_NOISE)
     if before is not None:
         x[len(free) :], noise = before.x[len(before.problem.free) :], before.noise
@@ -119,6 +143,20 @@ def fit_machine(
     return MachineFit(
         problem, x, problem.vector(x), found.converged, noise, tuple(residuals), _covariance(problem, x, weights)
     )
+
+
+def without_strays(fit: MachineFit, progress: Callable[[str], None] = lambda text: None) -> MachineFit:
+    """The fit again with effects that the data do not tell kept within the range of the data sheet.
+
+    What such an effect takes up beyond its range shifts those that the data tell. Each fit can make others stray, so
+    this ends when none is left.
+    """
+    while strays := fit.strays:
+        progress(f"keeps {', '.join(strays)} within the range of the data sheet")
+        problem = fit.problem
+        kept = problem.kept | frozenset(strays)
+        fit = fit_machine(problem.segments, problem.free, fit.vector, problem.priors, progress, fit, None, kept)
+    return fit
 
 
 def _search(problem: MachineProblem, x: Array, weights: Sequence[Array]) -> Minimum:

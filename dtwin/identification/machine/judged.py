@@ -16,7 +16,7 @@ from dtwin.identification.estimation.quality import noise
 from dtwin.identification.estimation.residuals import autocorrelations
 from dtwin.identification.estimation.residuals import fit as fit_of
 from dtwin.identification.estimation.solver import Minimum, minimise
-from dtwin.identification.machine.fit import MachineFit
+from dtwin.identification.machine.fit import MachineFit, without_strays
 from dtwin.identification.machine.left import NOTICEABLE, Left, what_is_left
 from dtwin.identification.machine.problem import MachineProblem
 from dtwin.identification.machine.record import SCHEMA, Grade, MachineRecord, Number, SensorCheck
@@ -42,8 +42,6 @@ MOVED: Final = (0.05, 0.2)
 GOOD: Final = 0.98
 POOR: Final = 0.9
 """Fits of held-out motion from which on a model is identified, and below which it is unusable."""
-TOLD: Final = 0.6
-"""Standard deviation of a number, relative to that of the data sheet, below which the data tell it."""
 _START: Final = Effects(stribeck_velocity=(0.175, 0.175, 0.175))
 """Effects whose numbers are not identified: the middle of the data sheet's range."""
 _SCALES: Final = ("K1", "K2", "K3")
@@ -106,8 +104,7 @@ class Judged:
     @property
     def identified(self) -> tuple[str, ...]:
         """Names of the numbers that the data tell; of the others the data sheet tells nearly all that is known."""
-        priors, deviations = self.found.problem.priors, self.found.deviations
-        return tuple(name for name, deviation in deviations.items() if deviation < TOLD * priors[name].deviation)
+        return self.found.told
 
     def remarks(self) -> list[str]:
         """What a person should know of it, in words."""
@@ -124,6 +121,11 @@ class Judged:
                     f"joint {joint}: {share:.0%} of what is left is alike in neighbouring samples: the arm has an"
                     " effect that the model lacks, or its encoder errs alike for longer than a sample"
                 )
+        if kept := sorted(self.found.problem.kept):
+            said.append(
+                f"{', '.join(kept)}: the motion hardly tells, and would be explained better beyond the range of the"
+                " data sheet, within which it is kept: the arm has an effect that the model lacks"
+            )
         if edge := self.found.at_edge:
             said.append(
                 f"{', '.join(edge)}: as far from the data sheet as twice its range; farther off the motion would be"
@@ -152,7 +154,8 @@ def identify_machine(log: Log, arm: ArmParameters, progress: Callable[[str], Non
             f" of {JUDGED:g} s to judge by, expected at least {FEWEST} and 1; record two minutes of work"
         )
     chosen = segments[:: -(-len(segments) // MOST)]
-    found = fit_with_ripple(chosen, IDENTIFIED, vector_of(arm, _START), sheet(arm), progress)
+    fitted = fit_with_ripple(chosen, IDENTIFIED, vector_of(arm, _START), sheet(arm), progress)
+    found = without_strays(fitted, progress)
     encoders = np.median([noise(segment.measured) for segment in chosen], axis=0)
     return Judged(found, judge(found, judging), np.maximum(encoders, 1e-6), what_is_left(found))
 

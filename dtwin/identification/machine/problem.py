@@ -31,6 +31,8 @@ FARTHEST: Final = 2.3
 
 A number that fits better farther off stands for something else, which the model lacks.
 """
+RANGE: Final = FARTHEST / 2.0
+"""The same for numbers that are kept within the range of the data sheet itself."""
 _STEP: Final = 1e-4
 """Step of the difference quotients in standard deviations of the priors."""
 _DELAY_STEP: Final = 0.1
@@ -56,6 +58,7 @@ class MachineProblem:
         free: names of the free numbers, some of MACHINE_NAMES.
         fixed: (78,), all numbers; those of the free ones do not matter.
         priors: expectation and standard deviation of every free number.
+        kept: names of the free numbers that are kept within the range of the data sheet.
 
     Raises:
         ParameterError: a name is unknown or has no prior, or there is no segment.
@@ -65,6 +68,7 @@ class MachineProblem:
     free: tuple[str, ...]
     fixed: Array
     priors: Mapping[str, Prior]
+    kept: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
         for name in self.free:
@@ -85,9 +89,10 @@ class MachineProblem:
         """Lower and upper bounds of the scaled unknowns."""
         least = [-np.inf if n.startswith((*SIGNED, *SHAPES)) else _LEAST.get(n.rstrip("123"), 0.0) for n in self.free]
         expected = np.array([self.priors[name].mean for name in self.free]) / self.scale
-        lower = np.maximum(np.array(least) / self.scale, expected - FARTHEST)
+        far = np.array([RANGE if name in self.kept else FARTHEST for name in self.free])
+        lower = np.maximum(np.array(least) / self.scale, expected - far)
         states = np.full(6 * len(self.segments), np.inf)
-        return np.concatenate((lower, -states)), np.concatenate((expected + FARTHEST, states))
+        return np.concatenate((lower, -states)), np.concatenate((expected + far, states))
 
     def start(self) -> Array:
         """Scaled unknowns at the expected values and the measured motion."""

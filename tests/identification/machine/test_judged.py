@@ -10,10 +10,10 @@ import pytest
 from dtwin.cli import main
 from dtwin.errors import IdentificationError, ModelError
 from dtwin.identification.data import Array, Experiment
-from dtwin.identification.machine.fit import MachineFit, fit_machine
+from dtwin.identification.machine.fit import MachineFit, fit_machine, without_strays
 from dtwin.identification.machine.judged import HeldOutMotion, Judged, identify_machine, judge, record_of
 from dtwin.identification.machine.left import what_is_left
-from dtwin.identification.machine.problem import FARTHEST, MachineProblem
+from dtwin.identification.machine.problem import FARTHEST, RANGE, MachineProblem
 from dtwin.identification.machine.record import EncoderCheck, SensorCheck, read_record, write_record
 from dtwin.identification.machine.sheet import sheet
 from dtwin.parameters import ArmParameters
@@ -112,6 +112,21 @@ def test_a_number_stays_near_the_data_sheet_and_it_is_said_if_it_would_not() -> 
         text for text in Judged(fit, fitting(1.0, 1.0, 1.0), np.full(3, NOISE), ()).remarks() if "sheet" in text
     ]
     assert said.startswith("dead_zone1: as far from the data sheet")
+
+
+def test_an_effect_that_the_data_do_not_tell_is_kept_within_the_range_of_the_data_sheet() -> None:
+    weak = vector_of(replace(ARM, coulomb=(0.1, 0.01, 0.01)), Effects(dead_zone=(1.0, 0.1, 0.1)))
+    fit = fit_machine(motions(weak, 12, 3), ("dead_zone1", "mu1"), vector_of(ARM, NO_EFFECTS), sheet(ARM))
+    prior = sheet(ARM)["dead_zone1"]
+    sure = replace(fit, covariance=np.diag((0.1 * fit.problem.scale) ** 2))
+    assert (sure.strays, set(sure.at_edge)) == ((), {"dead_zone1", "mu1"})  # the data tell it, whatever it stands for
+    unsure = replace(fit, covariance=np.diag(fit.problem.scale**2))
+    assert unsure.strays == ("dead_zone1",)  # a parameter at the edge is left to the grade
+    kept = without_strays(unsure)
+    assert kept.values["dead_zone1"] == pytest.approx(prior.mean + RANGE * prior.deviation)
+    assert kept.strays == ()
+    said = Judged(kept, fitting(1.0, 1.0, 1.0), np.full(3, NOISE), ()).remarks()
+    assert any(text.startswith("dead_zone1: the motion hardly tells") for text in said)
 
 
 def test_what_the_data_do_not_tell_keeps_the_data_sheets_tolerance() -> None:
